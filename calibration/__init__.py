@@ -1,0 +1,1 @@
+"""Tuning of models to a patient: resistances, the scale factor alpha, general fits, batch sweeps."""

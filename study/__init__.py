@@ -1,0 +1,1 @@
+"""Case files, the pipeline of one patient, reports and the command line."""

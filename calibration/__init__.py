@@ -1,1 +1,1 @@
-"""Tuning of models to a patient: resistances, the scale factor alpha, general fits, batch sweeps."""
+"""Tuning of models to a patient: resistances, the scale factor alpha, fits, batch sweeps."""

@@ -1,1 +1,1 @@
-"""Anatomy, and the fluid-structure finite-element core that shares the boundary blocks of `lumped`."""
+"""Anatomy, and the fluid-structure core that shares the boundary blocks of `lumped`."""

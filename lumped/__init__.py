@@ -7,3 +7,48 @@ Importing this package switches JAX to double precision: the figures promised he
 import jax
 
 jax.config.update("jax_enable_x64", True)
+
+from lumped.blocks import RC, RCR, RCRL, Coronary, Resistance
+from lumped.elements import AbstractElement
+from lumped.march import Trajectory, aligned_times, march, step
+from lumped.metrics import Metrics, ifr, metrics, pressure_ratio, systolic_share
+from lumped.network import Network, connect
+from lumped.periodic import solve_periodic
+from lumped.periodic_linear import Fourier, Propagator
+from lumped.periodic_nonlinear import Cycles, Shooting
+from lumped.periodic_solution import (
+    AbstractPeriodicSolver,
+    PeriodicSolution,
+    mean_state,
+    raise_unless_successful,
+)
+from lumped.sources import FlowSource, PressureSource
+from lumped.statespace import StateSpace, algebraic, field, is_index_one, state_space
+from lumped.stress import StressRule, scale_resistances, scaled, stress_rule, transition
+from lumped.surrogate import (
+    Condition,
+    Surrogate,
+    condition_from_clinic,
+    ffr_divider,
+    nominal_coronary,
+)
+from lumped.units import L_PER_MIN, ML_PER_MIN, MM, MMHG, MMHG_S_PER_ML
+from lumped.vessels import Vessel, VesselCRL
+from lumped.views import (
+    advance,
+    block_field,
+    direct_current,
+    driven,
+    implicit_step,
+    transfer_impedance,
+)
+from lumped.waveforms import (
+    AbstractWaveform,
+    AorticPressure,
+    Constant,
+    Ramp,
+    Sampled,
+    Sinusoid,
+    VentricularPressure,
+    sampled,
+)

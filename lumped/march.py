@@ -1,0 +1,216 @@
+"""Marching a network through time with Radau IIA steps.
+
+For the system  M ẋ = f(t, z), 0 = g(t, z)  a step from t to t + dt solves for its s stages
+Z_i = (X_i, W_i) together, Λ = a⁻¹ being the inverse of the coefficients of the scheme:
+
+    Σ_j Λ_ij M (X_j − x_n)/dt = f(t + c_i dt, Z_i),     0 = g(t + c_i dt, Z_i),
+
+and the last stage is the new state: algebraic unknowns are always consistent. Radau IIA with s
+stages has order 2 s − 1 and is L-stable; its stage order s keeps it accurate where the time
+constants of a network are far shorter than the step, which costs diagonally implicit schemes
+their order (measured on the surrogate, 256 steps: 5e-7 against 1e-11).
+
+Source: Hairer & Wanner 1996, Solving Ordinary Differential Equations II, sec. IV.5 and VI.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from lumped.network import Network, jacobian
+from lumped.parameters import Parameter
+
+NEWTON_ITERATIONS = 20
+"""Newton iterations allowed in a nonlinear step; the last correction is reported."""
+
+NEWTON_TOLERANCE = 1e-12
+"""Correction, relative to the largest unknown, at which a nonlinear step counts as solved."""
+
+TINY = 1e-300
+
+
+class Scheme(NamedTuple):
+    """A Radau IIA scheme.
+
+    Attributes:
+        c: stage times as shares of the step, the last one 1.
+        weights: quadrature weights of the stages.
+        inverse: Λ, the inverse of the coefficients a_ij.
+    """
+
+    c: np.ndarray
+    weights: np.ndarray
+    inverse: np.ndarray
+
+
+def _radau(stages: int) -> Scheme:
+    """Collocation at the right Radau points: a_ij = ∫₀^{c_i} ℓ_j(s) ds."""
+    c = {
+        1: np.array([1.0]),
+        2: np.array([1 / 3, 1.0]),
+        3: np.array([(4 - np.sqrt(6)) / 10, (4 + np.sqrt(6)) / 10, 1.0]),
+    }[stages]
+    powers = np.arange(stages)
+    values = c[:, None] ** powers[None, :]
+    integrals = c[:, None] ** (powers[None, :] + 1) / (powers[None, :] + 1)
+    a = integrals @ np.linalg.inv(values)
+    return Scheme(c=c, weights=a[-1], inverse=np.linalg.inv(a))
+
+
+SCHEMES = {2 * stages - 1: _radau(stages) for stages in (1, 2, 3)}
+"""The schemes by order: 1 (backward Euler), 3 and 5."""
+
+
+class Step(NamedTuple):
+    """What one step gives.
+
+    Attributes:
+        z: all unknowns at the end of the step.
+        integral: ∫ z dt over the step, of the scheme's order.
+        defect: size of the last Newton correction relative to the unknowns [-].
+    """
+
+    z: Float[Array, " m"]
+    integral: Float[Array, " m"]
+    defect: Float[Array, ""]
+
+
+def step(
+    t: Parameter, dt: Parameter, network: Network, z: Float[Array, " m"], *, order: int
+) -> Step:
+    """Advance all unknowns from t to t + dt.
+
+    Derivatives follow the implicit-function theorem (`jax.lax.custom_root`).
+
+    Args:
+        t: time at the start of the step [s].
+        dt: length of the step [s].
+        network: the network.
+        z: unknowns at t; only the states matter, the rest is a first guess.
+        order: 1, 3 or 5.
+    """
+    scheme, n, m = SCHEMES[order], network.n_states, network.n_unknowns
+    stages = scheme.c.shape[0]
+    times = t + dt * jnp.asarray(scheme.c)
+    coupling = jnp.asarray(scheme.inverse)[:, :, None] * (network.mass() / dt)
+
+    def equations(Z):
+        residual = jax.vmap(network.residual)(times, Z)
+        inertia = jnp.einsum("ijn,jn->in", coupling, Z[:, :n] - z[:n])
+        return residual.at[:, :n].add(-inertia)
+
+    def newton(f, Z):
+        def correct(Z):
+            slope = jax.vmap(lambda t, z: jacobian(network, t, z))(times, Z)
+            return jnp.linalg.solve(_stage_matrix(slope, coupling), f(Z).reshape(-1)).reshape(
+                stages, m
+            )
+
+        if network.is_linear:
+            return Z - correct(Z), jnp.zeros(())
+
+        def body(carry):
+            k, Z, _ = carry
+            correction = correct(Z)
+            return k + 1, Z - correction, jnp.max(jnp.abs(correction)) / jnp.max(jnp.abs(Z) + TINY)
+
+        def unfinished(carry):
+            k, _, size = carry
+            return (k < NEWTON_ITERATIONS) & (size > NEWTON_TOLERANCE)
+
+        _, Z, size = jax.lax.while_loop(unfinished, body, (0, Z, jnp.asarray(jnp.inf)))
+        return Z, size
+
+    guess = jnp.broadcast_to(z, (stages, m))
+    Z, defect = jax.lax.custom_root(equations, guess, newton, _tangent_solve, has_aux=True)
+    return Step(Z[-1], dt * jnp.asarray(scheme.weights) @ Z, jax.lax.stop_gradient(defect))
+
+
+def _stage_matrix(
+    slope: Float[Array, "s m m"], coupling: Float[Array, "s s n"]
+) -> Float[Array, "sm sm"]:
+    """Jacobian of all stage equations: the network's own of each stage, less the inertia."""
+    stages, m, _ = slope.shape
+    n = coupling.shape[2]
+    k, i, j = jnp.arange(n), jnp.arange(stages)[:, None, None], jnp.arange(stages)[None, :, None]
+    matrix = jnp.einsum("ij,iab->iajb", jnp.eye(stages), slope)
+    matrix = matrix.at[i, k, j, k].add(-coupling)
+    return matrix.reshape(stages * m, stages * m)
+
+
+def _tangent_solve(linear, y):
+    size = y.size
+    matrix = jax.jacfwd(linear)(jnp.zeros_like(y)).reshape(size, size)
+    return jnp.linalg.solve(matrix, y.reshape(-1)).reshape(y.shape)
+
+
+class Trajectory(NamedTuple):
+    """Unknowns of a network along a march.
+
+    Attributes:
+        t: times [s], shape (k + 1,).
+        z: all unknowns at these times, shape (k + 1, n_unknowns).
+        integral: ∫ z dt over the march, shape (n_unknowns,).
+        defect: largest Newton defect met [-].
+    """
+
+    t: Float[Array, " k1"]
+    z: Float[Array, "k1 m"]
+    integral: Float[Array, " m"]
+    defect: Float[Array, ""]
+
+
+def march(
+    ts: Float[Array, " k1"], network: Network, z0: Float[Array, " m"], *, order: int = 5
+) -> Trajectory:
+    """Advance a network along given times.
+
+    Args:
+        ts: step ends [s], ascending; place one at every breakpoint to keep the order. Steps of
+            zero length are passed over.
+        network: the network; index 1 or, with constant coefficients, index 2.
+        z0: unknowns at ts[0]; only the states matter (`initial_unknowns` makes the rest).
+        order: order of the scheme: 1, 3 or 5.
+    """
+
+    def body(carry, interval):
+        z, integral, defect = carry
+        t, dt = interval
+        empty = dt <= 0.0
+        taken = step(t, jnp.where(empty, 1.0, dt), network, z, order=order)
+        z = jnp.where(empty, z, taken.z)
+        integral = integral + jnp.where(empty, 0.0, taken.integral)
+        defect = jnp.maximum(defect, jnp.where(empty, 0.0, taken.defect))
+        return (z, integral, defect), z
+
+    start = (z0, jnp.zeros_like(z0), jnp.zeros(()))
+    (_, integral, defect), z = jax.lax.scan(body, start, (ts[:-1], jnp.diff(ts)))
+    return Trajectory(ts, jnp.concatenate([z0[None], z]), integral, defect)
+
+
+def aligned_times(
+    network: Network, period: Parameter, n_steps: int, *, cycles: int = 1
+) -> Float[Array, " k1"]:
+    """Step ends over whole cycles, dense enough and with one at every breakpoint.
+
+    Each stretch between breakpoints is cut into equally many steps, so that the number of steps
+    is static while the breakpoints may depend on differentiated parameters; there are at least
+    `n_steps` a cycle.
+
+    Args:
+        network: gives the breakpoints.
+        period: length of a cycle [s].
+        n_steps: least number of steps a cycle.
+        cycles: number of cycles.
+    """
+    marks = network.breakpoints(period)
+    stretches = marks.shape[0] - 1
+    each = -(-n_steps // stretches)
+    share = jnp.arange(each) / each
+    ts = (marks[:-1, None] + jnp.diff(marks)[:, None] * share[None, :]).reshape(-1)
+    starts = jnp.arange(cycles) * jnp.asarray(period, float)
+    every = (starts[:, None] + ts[None, :]).reshape(-1)
+    return jnp.append(every, cycles * jnp.asarray(period, float))

@@ -1,0 +1,111 @@
+"""Numbers read off a periodic state: pressure ratios and flows.
+
+Both FFR and the resting ratio are ratios of cycle means; they differ only in the condition. iFR is
+the ratio of means over the wave-free period of diastole.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from lumped.parameters import Parameter
+from lumped.periodic_solution import PeriodicSolution
+from lumped.units import ML_PER_MIN
+from lumped.waveforms import VALVE_CLOSURE
+
+
+def pressure_ratio(
+    solution: PeriodicSolution, *, proximal: str = "aorta", distal: str = "distal"
+) -> Float[Array, ""]:
+    """Mean distal over mean proximal pressure: FFR under stress, resting Pd/Pa at rest."""
+    return solution.mean_pressure(distal) / solution.mean_pressure(proximal)
+
+
+def ifr(
+    solution: PeriodicSolution,
+    *,
+    proximal: str = "aorta",
+    distal: str = "distal",
+    t_valve: Parameter | None = None,
+) -> Float[Array, ""]:
+    """Instantaneous wave-free ratio: mean distal over mean proximal pressure in late diastole.
+
+    The window runs from a quarter into diastole to 5 ms before its end (Sen et al. 2012, JACC
+    59:1392); diastole starts when the aortic valve closes.
+
+    Args:
+        solution: the periodic state.
+        proximal: node of the aortic pressure.
+        distal: node of the distal pressure.
+        t_valve: closure of the valve [s]; by default 0.35 of the cycle, as in the aortic waveform.
+    """
+    t_close = VALVE_CLOSURE * solution.period if t_valve is None else t_valve
+    start = t_close + 0.25 * (solution.period - t_close)
+    window = (start, solution.period - 5e-3)
+    return mean_between(solution, solution.pressure(distal), *window) / mean_between(
+        solution, solution.pressure(proximal), *window
+    )
+
+
+def systolic_share(
+    solution: PeriodicSolution, name: str = "ostium", *, t_valve: Parameter | None = None
+) -> Float[Array, ""]:
+    """Share of a cycle's net flow into an element that passes before the aortic valve closes."""
+    t_close = VALVE_CLOSURE * solution.period if t_valve is None else t_valve
+    volume = mean_between(solution, solution.flow(name), 0.0, t_close) * t_close
+    return volume / (solution.mean_flow(name) * solution.period)
+
+
+def mean_between(
+    solution: PeriodicSolution, values: Float[Array, " k"], start: Parameter, end: Parameter
+) -> Float[Array, ""]:
+    """Mean of a waveform between two times of the cycle, exact for piecewise linear waveforms."""
+    t = jnp.append(solution.t, solution.period)
+    v = jnp.append(values, values[0])
+    volume = jnp.append(0.0, jnp.cumsum(0.5 * jnp.diff(t) * (v[1:] + v[:-1])))
+    return (_integral(t, v, volume, end) - _integral(t, v, volume, start)) / (end - start)
+
+
+def _integral(t: Array, v: Array, volume: Array, at: Parameter) -> Array:
+    """∫₀^at of the piecewise linear function (t, v), `volume` being its integral at the knots."""
+    k = jnp.clip(jnp.searchsorted(t, at, side="right") - 1, 0, t.shape[0] - 2)
+    h = jnp.maximum(t[k + 1] - t[k], 1e-300)
+    s = at - t[k]
+    return volume[k] + s * (v[k] + 0.5 * s * (v[k + 1] - v[k]) / h)
+
+
+class Metrics(NamedTuple):
+    """The numbers a clinician reads.
+
+    Attributes:
+        ratio: mean distal over mean aortic pressure (FFR under stress, resting Pd/Pa at rest) [-].
+        ifr: instantaneous wave-free ratio [-].
+        mean_P_aorta, mean_P_distal: cycle means [dyn/cm²].
+        mean_Q: mean coronary flow [cm³/s].
+        systolic_share: share of the flow that passes in systole [-].
+    """
+
+    ratio: Float[Array, ""]
+    ifr: Float[Array, ""]
+    mean_P_aorta: Float[Array, ""]
+    mean_P_distal: Float[Array, ""]
+    mean_Q: Float[Array, ""]
+    systolic_share: Float[Array, ""]
+
+    @property
+    def flow_ml_per_min(self) -> Float[Array, ""]:
+        """Mean coronary flow [mL/min]."""
+        return self.mean_Q / ML_PER_MIN
+
+
+def metrics(solution: PeriodicSolution) -> Metrics:
+    """All metrics of a surrogate's periodic state."""
+    return Metrics(
+        ratio=pressure_ratio(solution),
+        ifr=ifr(solution),
+        mean_P_aorta=solution.mean_pressure("aorta"),
+        mean_P_distal=solution.mean_pressure("distal"),
+        mean_Q=solution.mean_flow("ostium"),
+        systolic_share=systolic_share(solution),
+    )

@@ -1,0 +1,50 @@
+"""How blocks and waveforms hold their physical numbers: as array leaves, checked when concrete."""
+
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+Parameter = Float[Array, "..."] | float
+"""A physical number: an array leaf after construction; a Python number is converted."""
+
+
+def real(value: Any) -> Array:
+    """Convert a number or array to a double-precision array leaf."""
+    return jnp.asarray(value, dtype=jnp.float64)
+
+
+def is_traced(*values: Any) -> bool:
+    """Whether any value is being traced by JAX, so that it cannot be looked at."""
+    return any(isinstance(value, Tracer) for value in values)
+
+
+def parameter(**options: Any) -> Any:
+    """Declare a differentiable parameter of an `equinox.Module`."""
+    return eqx.field(converter=real, **options)
+
+
+def check_range(owner: Any, *, above: tuple[str, ...] = (), least: tuple[str, ...] = ()) -> None:
+    """Refuse parameters that are not positive (`above`) or negative (`least`), or not finite.
+
+    Traced values cannot be looked at and pass; they were checked where they were made.
+
+    Raises:
+        ValueError: a concrete parameter lies outside its range.
+    """
+    for names, strict in ((above, True), (least, False)):
+        for name in names:
+            value = getattr(owner, name)
+            if value is None or is_traced(value):
+                continue
+            numbers = np.asarray(value)
+            inside = numbers > 0 if strict else numbers >= 0
+            if not (np.all(np.isfinite(numbers)) and np.all(inside)):
+                bound = "positive" if strict else "zero or positive"
+                raise ValueError(
+                    f"{type(owner).__name__}.{name} = {value} must be finite and {bound}. "
+                    "Check the sign and the unit (CGS inside: dyn/cm², cm³/s, dyn·s/cm⁵, cm⁵/dyn)."
+                )

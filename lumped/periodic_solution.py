@@ -1,0 +1,148 @@
+"""What a periodic state is, whichever way it was found, and its exact cycle means."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from lumped.network import Network, jacobian
+from lumped.parameters import Parameter, is_traced
+
+GAUSS_NODES = 48
+"""Quadrature nodes a stretch between breakpoints, for the mean of the sources."""
+
+
+class PeriodicSolution(eqx.Module):
+    """One period of a network in its periodic state.
+
+    Attributes:
+        t: times [s] in [0, period), shape (k,).
+        z: all unknowns at these times, shape (k, n_unknowns).
+        mean: cycle mean of all unknowns, shape (n_unknowns,).
+        period: length of the cycle [s].
+        monodromy: derivative of the state after a cycle with respect to the state before it.
+        error_estimate: estimated error of the states, relative to their largest values [-].
+        iterations: Newton steps or cycles taken.
+        result: `optimistix.RESULTS`, successful or the reason why not.
+        network: the network that was solved.
+    """
+
+    t: Float[Array, " k"]
+    z: Float[Array, "k m"]
+    mean: Float[Array, " m"]
+    period: Parameter
+    monodromy: Float[Array, "n n"]
+    error_estimate: Float[Array, ""]
+    iterations: Any
+    result: optx.RESULTS
+    network: Network
+
+    def pressure(self, node: str) -> Float[Array, " k"]:
+        """Pressure of a node [dyn/cm²] at `t`."""
+        return self.z[:, self.network.pressure_index(node)]
+
+    def flow(self, name: str, port: int = 0) -> Float[Array, " k"]:
+        """Flow into a port of an element [cm³/s] at `t`."""
+        return self.z[:, self.network.flow_index(name, port)]
+
+    def state(self, name: str, state: str) -> Float[Array, " k"]:
+        """A state of an element at `t`."""
+        return self.z[:, self.network.state_index(name, state)]
+
+    def mean_pressure(self, node: str) -> Float[Array, ""]:
+        """Cycle mean of a node's pressure [dyn/cm²]."""
+        return self.mean[self.network.pressure_index(node)]
+
+    def mean_flow(self, name: str, port: int = 0) -> Float[Array, ""]:
+        """Cycle mean of the flow into a port of an element [cm³/s]."""
+        return self.mean[self.network.flow_index(name, port)]
+
+    @property
+    def initial(self) -> Float[Array, " m"]:
+        """All unknowns at t = 0: where a 3D run or a march starts without a transient."""
+        return self.z[0]
+
+    @property
+    def floquet_multiplier(self) -> float:
+        """Largest factor by which a disturbance shrinks in a cycle (concrete solutions only)."""
+        if self.monodromy.shape[-1] == 0:
+            return 0.0
+        return float(np.max(np.abs(np.linalg.eigvals(np.asarray(self.monodromy)))))
+
+    def cycles_to(self, tolerance: float) -> float:
+        """Cycles after which a disturbance has shrunk to `tolerance` of its size."""
+        multiplier = self.floquet_multiplier
+        if multiplier <= 0.0:
+            return 1.0
+        return float("inf") if multiplier >= 1.0 else np.log(tolerance) / np.log(multiplier)
+
+
+class AbstractPeriodicSolver(eqx.Module):
+    """A way to find the periodic state of a network."""
+
+    @abc.abstractmethod
+    def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
+        """Find the periodic state."""
+
+
+def largest_difference(
+    a: Float[Array, " n"], b: Float[Array, " n"], x: Float[Array, "k n"]
+) -> Float[Array, ""]:
+    """Largest |a − b| of any state, relative to the state's largest value over the cycle."""
+    if a.shape[0] == 0:
+        return jnp.zeros(())
+    return jnp.max(jnp.abs(a - b) / (jnp.max(jnp.abs(x), axis=0) + 1e-300))
+
+
+def raise_unless_successful(result: optx.RESULTS, cure: str) -> None:
+    """Raise when a concrete result is a failure; inside jit the caller must look at it.
+
+    Args:
+        result: what the solver returned.
+        cure: what the user can try.
+
+    Raises:
+        RuntimeError: cause and cure.
+    """
+    flag = result == optx.RESULTS.successful
+    if is_traced(flag) or bool(np.all(np.asarray(flag))):
+        return
+    cause = optx.RESULTS[result] if np.ndim(np.asarray(flag)) == 0 else "a case of the batch failed"
+    raise RuntimeError(f"No solution was found: {cause or 'the solver did not converge.'} {cure}")
+
+
+def mean_forcing(network: Network, period: Parameter) -> Float[Array, " m"]:
+    """Cycle mean of residual(t, 0), by Gauss–Legendre quadrature between breakpoints."""
+    nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
+    marks = network.breakpoints(period)
+    half = 0.5 * jnp.diff(marks)
+    ts = marks[:-1, None] + half[:, None] * (1.0 + jnp.asarray(nodes)[None, :])
+    zero = jnp.zeros(network.n_unknowns)
+    h = jax.vmap(jax.vmap(lambda t: network.residual(t, zero)))(ts)
+    return jnp.einsum("s,q,sqm->m", half, jnp.asarray(weights), h) / period
+
+
+def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
+    """Solution of the direct-current network: the exact cycle mean of a linear network.
+
+    For a nonlinear network it is the steady state under the mean of the sources, which is not the
+    mean of its periodic state but a good place to start from.
+    """
+    forcing = mean_forcing(network, period)
+    zero = jnp.zeros(network.n_unknowns)
+    origin = network.residual(0.0, zero)
+
+    def steady(z):
+        return network.residual(0.0, z) - origin + forcing
+
+    if network.is_linear:
+        return jnp.linalg.solve(jacobian(network, 0.0, zero), -forcing)
+    z = zero + 1.0  # at rest a quadratic loss has no slope
+    for _ in range(12):
+        z = z - jnp.linalg.solve(jax.jacfwd(steady)(z), steady(z))
+    return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))

@@ -1,0 +1,144 @@
+"""A network as an ordinary differential equation: its algebraic unknowns eliminated.
+
+Index-1 networks only: the closures must determine node pressures and port flows from the states.
+For linear networks the elimination is done once,
+
+    ẋ = A x + B h(t),     w = C x + D h(t),     h(t) = residual(t, 0),
+
+w being the algebraic unknowns (node pressures, then port flows) and h the sources' forcing.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from lumped.march import NEWTON_ITERATIONS
+from lumped.network import Network, jacobian
+from lumped.parameters import Parameter, is_traced
+
+
+class StateSpace(eqx.Module):
+    """Matrices of a linear network; make it with `state_space`.
+
+    Attributes:
+        A: state matrix [1/s], shape (n, n).
+        B: forcing of the states, shape (n, m).
+        C: states to algebraic unknowns, shape (a, n).
+        D: forcing of the algebraic unknowns, shape (a, m).
+        network: the network, for its forcing.
+    """
+
+    A: Float[Array, "n n"]
+    B: Float[Array, "n m"]
+    C: Float[Array, "a n"]
+    D: Float[Array, "a m"]
+    network: Network
+
+    def forcing(self, t: Float[Array, " k"]) -> Float[Array, "k m"]:
+        """h(t) at several times [s]."""
+        return jax.vmap(lambda s: self.network.residual(s, self._zero()))(t)
+
+    def _zero(self) -> Array:
+        return jnp.zeros(self.network.n_unknowns)
+
+
+def state_space(network: Network) -> StateSpace:
+    """Eliminate the algebraic unknowns of a linear network.
+
+    Raises:
+        ValueError: the network is nonlinear, or (outside jit) not of index 1.
+    """
+    if not network.is_linear:
+        raise ValueError(
+            "The network has a quadratic loss and no state matrix. Use `field` or `Shooting`."
+        )
+    n = network.n_states
+    H = jacobian(network, 0.0, jnp.zeros(network.n_unknowns))
+    mass = network.mass()[:, None]
+    F_x, F_w = H[:n, :n] / mass, H[:n, n:] / mass
+    G_x, G_w = H[n:, :n], H[n:, n:]
+    _require_index_one(network, G_w)
+    inverse = jnp.linalg.inv(G_w)
+    C = -inverse @ G_x
+    D = jnp.concatenate([jnp.zeros((inverse.shape[0], n)), -inverse], axis=1)
+    own = jnp.concatenate([jnp.diag(1.0 / mass[:, 0]), jnp.zeros((n, inverse.shape[0]))], axis=1)
+    return StateSpace(A=F_x + F_w @ C, B=own + F_w @ D, C=C, D=D, network=network)
+
+
+def is_index_one(network: Network) -> bool:
+    """Whether the closures determine the algebraic unknowns (concrete networks only)."""
+    z = jnp.full(network.n_unknowns, 0.1)
+    n = network.n_states
+    G_w = np.asarray(jacobian(network, 0.0, z)[n:, n:])
+    return _is_regular(G_w)
+
+
+def _is_regular(G_w: np.ndarray) -> bool:
+    # rows and columns carry pressures or flows: equilibrate before judging the rank
+    scaled = G_w / np.maximum(np.abs(G_w).max(axis=1, keepdims=True), 1e-300)
+    scaled = scaled / np.maximum(np.abs(scaled).max(axis=0, keepdims=True), 1e-300)
+    return bool(np.linalg.svd(scaled, compute_uv=False)[-1] > 1e-12)
+
+
+def _require_index_one(network: Network, G_w: Array) -> None:
+    if is_traced(G_w) or _is_regular(np.asarray(G_w)):
+        return
+    raise ValueError(
+        "The network is not an ordinary differential equation: two compliances, or a compliance "
+        "and a pressure source, share a node without a resistance between them (or two flow "
+        "sources meet). Merge them, put a resistance between them, or use `march` or `Fourier`, "
+        f"which do not need it. Elements: {', '.join(network.names)}."
+    )
+
+
+def field(network: Network) -> Callable[[Any, Float[Array, " n"], Any], Float[Array, " n"]]:
+    """The vector field ẋ = f(t, x) of an index-1 network, in the signature diffrax expects.
+
+    Args:
+        network: the network. It is also accepted as `args` of the field, which then replaces this
+            one (same structure), so that parameters can be traced: `field(network)(t, x, other)`.
+
+    Raises:
+        ValueError: (outside jit) the network is not of index 1.
+    """
+    n = network.n_states
+    if not is_traced(*jax.tree.leaves(network)):
+        z = jnp.full(network.n_unknowns, 0.1)
+        _require_index_one(network, jacobian(network, 0.0, z)[n:, n:])
+
+    def vector_field(t: Any, x: Float[Array, " n"], args: Any = None) -> Float[Array, " n"]:
+        model = network if args is None else args
+        w = algebraic(t, model, x)
+        return model.residual(t, jnp.concatenate([x, w]))[:n] / model.mass()
+
+    return vector_field
+
+
+def algebraic(t: Parameter, network: Network, x: Float[Array, " n"]) -> Float[Array, " a"]:
+    """Node pressures and port flows that belong to states x at time t.
+
+    Newton's method on the closures, with derivatives by the implicit-function theorem; exact after
+    one step for linear networks.
+    """
+    n = network.n_states
+    iterations = 1 if network.is_linear else NEWTON_ITERATIONS
+
+    def closures(w):
+        return network.residual(t, jnp.concatenate([x, w]))[n:]
+
+    def newton(f, w):
+        def body(_, w):
+            return w - jnp.linalg.solve(jax.jacfwd(f)(w), f(w))
+
+        return jax.lax.fori_loop(0, iterations, body, w)
+
+    def tangent_solve(linear, y):
+        return jnp.linalg.solve(jax.jacfwd(linear)(jnp.zeros_like(y)), y)
+
+    guess = jnp.ones(network.n_unknowns - n)  # at rest a quadratic loss has no slope
+    return jax.lax.custom_root(closures, guess, newton, tangent_solve)

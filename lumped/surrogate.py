@@ -1,0 +1,143 @@
+"""The surrogate of a patient: aorta, anomalous coronary as one vessel, coronary bed.
+
+    P_aorta(t) ── R0 (+ K|Q|) ──┬── five-element coronary block
+                               C0
+                               ⏚
+
+R0 and C0 stand for the 3D part. Theorem (linear surrogate): over a period no capacitance has a net
+flow, so that with R_total = R_1 + R_2 + R_3 after scaling by α
+
+    mean P_distal − P_venous = (mean P_aorta − P_venous) α R_total / (R0 + α R_total),
+
+whatever the waveform and the capacitances. With K the divider no longer holds.
+
+Source: Puelz et al. 2024, section 2.4 and figure 4.
+"""
+
+import equinox as eqx
+
+from lumped.blocks import Coronary
+from lumped.network import Network, connect
+from lumped.parameters import Parameter, check_range, parameter
+from lumped.sources import PressureSource
+from lumped.stress import StressRule, scale_resistances
+from lumped.units import MMHG
+from lumped.vessels import Vessel
+from lumped.waveforms import AbstractWaveform, AorticPressure, VentricularPressure
+
+NOMINAL = {"R_1": 3.1992e4, "R_2": 6.3984e4, "R_3": 2.666e5, "C_a": 4.5e-7, "C_im": 3e-6}
+"""Nominal coronary parameters of Puelz et al. 2024 (after Arthurs et al. 2016), CGS."""
+
+C0_NOMINAL = 1e-7
+"""Nominal compliance of the 3D part of the surrogate [cm⁵/dyn], Puelz et al. 2024."""
+
+
+class Condition(eqx.Module):
+    """A haemodynamic condition of a patient.
+
+    Attributes:
+        P_systolic: systolic aortic pressure [dyn/cm²].
+        P_diastolic: diastolic aortic pressure [dyn/cm²].
+        period: length of the cardiac cycle [s].
+    """
+
+    P_systolic: Parameter = parameter()
+    P_diastolic: Parameter = parameter()
+    period: Parameter = parameter()
+
+    def __check_init__(self):
+        check_range(self, above=("P_systolic", "P_diastolic", "period"))
+
+
+def condition_from_clinic(
+    P_systolic_mmHg: Parameter, P_diastolic_mmHg: Parameter, period_s: Parameter
+) -> Condition:
+    """A condition from pressures in mmHg and the cycle length in s."""
+    return Condition(P_systolic_mmHg * MMHG, P_diastolic_mmHg * MMHG, period_s)
+
+
+class Surrogate(eqx.Module):
+    """Parameters of the surrogate at rest; networks are made from it for any condition.
+
+    Attributes:
+        R0: resistance of the anomalous coronary [dyn·s/cm⁵], zero or positive.
+        alpha: scale of the resistances of the coronary bed [-].
+        coronary: the coronary bed at α = 1 and at rest; its P_im is replaced by the ventricular
+            pressure of the condition.
+        C0: compliance of the anomalous coronary [cm⁵/dyn].
+        K: quadratic loss of the anomalous coronary [dyn·s²/cm⁸], or None for the linear surrogate.
+    """
+
+    R0: Parameter = parameter()
+    alpha: Parameter = parameter(default=1.0)
+    coronary: Coronary = eqx.field(default_factory=lambda: nominal_coronary())
+    C0: Parameter = parameter(default=C0_NOMINAL)
+    K: Parameter | None = None
+
+    def __check_init__(self):
+        check_range(self, above=("alpha", "C0"), least=("R0",))
+
+    def network(
+        self,
+        condition: Condition,
+        *,
+        rule: StressRule | None = None,
+        inlet: AbstractWaveform | None = None,
+    ) -> Network:
+        """The network in a condition.
+
+        Elements: "inlet", "ostium" (vessel), "coronary"; nodes: "aorta", "distal".
+
+        Args:
+            condition: pressures and cycle length.
+            rule: stress rule applied to the coronary bed, None at rest.
+            inlet: aortic pressure; by default `AorticPressure` of the condition.
+        """
+        bed = scale_resistances(self.coronary, self.alpha)
+        if rule is not None:
+            bed = rule(bed)
+        ventricle = VentricularPressure(condition.P_systolic, condition.period)
+        bed = eqx.tree_at(lambda b: b.P_im, bed, ventricle)
+        if inlet is None:
+            inlet = AorticPressure(condition.P_systolic, condition.P_diastolic, condition.period)
+        ostium = Vessel(R_viscous=self.R0, C=self.C0, K_stenosis=self.K)
+        return connect(
+            {
+                "inlet": (PressureSource(inlet), "aorta"),
+                "ostium": (ostium, "aorta", "distal"),
+                "coronary": (bed, "distal"),
+            }
+        )
+
+
+def nominal_coronary(
+    *, P_venous: Parameter = 0.0, im_factor: Parameter = 1.0, **changes: Parameter
+) -> Coronary:
+    """The coronary bed of the paper, with any of its five parameters changed.
+
+    Args:
+        P_venous: pressure behind R_3 [dyn/cm²].
+        im_factor: share of the ventricular pressure that squeezes C_im [-].
+        **changes: values for R_1, R_2, R_3, C_a or C_im.
+    """
+    unknown = set(changes) - set(NOMINAL)
+    if unknown:
+        raise ValueError(f"No parameter {sorted(unknown)}; a coronary bed has {list(NOMINAL)}.")
+    beating = VentricularPressure(100.0 * MMHG, 1.0)
+    values = {**NOMINAL, **changes}
+    return Coronary(**values, P_im=beating, P_venous=P_venous, im_factor=im_factor)
+
+
+def ffr_divider(
+    R0: Parameter, R_total: Parameter, mean_P_aorta: Parameter = 1.0, P_venous: Parameter = 0.0
+) -> Parameter:
+    """FFR of the linear surrogate in closed form; R_total includes α and the stress rule.
+
+    Args:
+        R0: resistance of the anomalous coronary [dyn·s/cm⁵].
+        R_total: total resistance of the coronary bed [dyn·s/cm⁵].
+        mean_P_aorta: mean aortic pressure [dyn/cm²]; matters only with a venous pressure.
+        P_venous: venous pressure [dyn/cm²].
+    """
+    share = R_total / (R0 + R_total)
+    return (P_venous + (mean_P_aorta - P_venous) * share) / mean_P_aorta

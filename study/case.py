@@ -1,0 +1,355 @@
+"""The case of one patient: what its file says, in CGS, and what each command needs of it.
+
+A case file is TOML; `study.template` shows every key. All faults of a file are reported together.
+"""
+
+import dataclasses
+import os
+import pathlib
+from collections.abc import Callable, Mapping
+from typing import Any, Literal
+
+from study.beat import Beat
+from study.case_tables import key_homes, read_tables
+from study.document import read_document
+from study.faults import CaseError, Fault
+from study.schema import FREE_TEXT
+from study.tables import Context
+
+
+@dataclasses.dataclass(frozen=True)
+class IvusAnatomy:
+    """Lumen contours from intravascular ultrasound.
+
+    Attributes:
+        contours: file of tab-separated frame, x, y, z in mm.
+        centerline: file of the centre line of the vessel, if there is one.
+        aorta_radius: radius of the aorta at the ostium [cm], if known.
+    """
+
+    contours: pathlib.Path
+    centerline: pathlib.Path | None = None
+    aorta_radius: float | None = None
+    kind: Literal["ivus"] = "ivus"
+
+
+@dataclasses.dataclass(frozen=True)
+class SyntheticAnatomy:
+    """Parameters of a drawn anatomy; None where its usual value is meant.
+
+    Attributes:
+        side: the anomalous artery.
+        take_off_angle: angle between artery and aortic wall at the ostium [rad].
+        ostium_major: larger diameter of the ostium [cm].
+        ostium_minor: smaller diameter of the ostium [cm].
+        intramural_length: length of the course within the aortic wall [cm].
+        hypoplasia: lumen area of that course over the normal one [-].
+    """
+
+    side: Literal["left", "right"] | None = None
+    take_off_angle: float | None = None
+    ostium_major: float | None = None
+    ostium_minor: float | None = None
+    intramural_length: float | None = None
+    hypoplasia: float | None = None
+    kind: Literal["synthetic"] = "synthetic"
+
+
+@dataclasses.dataclass(frozen=True)
+class SurfaceAnatomy:
+    """A surface of the lumen, in files of length unit `unit`."""
+
+    surface: pathlib.Path
+    unit: Literal["mm", "cm"]
+    kind: Literal["surface"] = "surface"
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshAnatomy:
+    """A finished mesh (a file or a folder), in length unit `unit`."""
+
+    path: pathlib.Path
+    unit: Literal["mm", "cm"]
+    kind: Literal["mesh"] = "mesh"
+
+
+Anatomy = IvusAnatomy | SyntheticAnatomy | SurfaceAnatomy | MeshAnatomy
+
+
+@dataclasses.dataclass(frozen=True)
+class BloodParameters:
+    """Newtonian blood: viscosity `mu` [poise] and density `rho_f` [g/cm³]."""
+
+    mu: float = 0.04
+    rho_f: float = 1.06
+
+
+@dataclasses.dataclass(frozen=True)
+class WallParameters:
+    """The vessel wall.
+
+    Attributes:
+        E: Young's modulus [dyn/cm²].
+        nu: Poisson's ratio [-].
+        rho_s: density [g/cm³].
+        thickness_per_radius: wall thickness over local lumen radius [-].
+        thickness_min: smallest thickness [cm], if bounded.
+        thickness_max: largest thickness [cm], if bounded.
+    """
+
+    E: float = 1.5e7
+    nu: float = 0.49
+    rho_s: float = 1.0
+    thickness_per_radius: float = 0.1
+    thickness_min: float | None = None
+    thickness_max: float | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Condition:
+    """One haemodynamic condition of the patient.
+
+    Attributes:
+        name: its name in the file.
+        kind: `rest` for the condition named so, `stress` for all others.
+        P_systolic: systolic aortic pressure [dyn/cm²].
+        P_diastolic: diastolic aortic pressure [dyn/cm²].
+        period: length of the cardiac cycle [s].
+        cardiac_output: cardiac output [cm³/s], if known.
+        stroke_volume: stroke volume [cm³], if known.
+        ffr: measured ratio of the mean distal and aortic pressures [-], if known; at rest this is
+            the resting Pd/Pa.
+        ffr_sd: standard deviation of that ratio [-], if known.
+        waveform: a measured beat of aortic pressure, if there is one.
+    """
+
+    name: str
+    kind: Literal["rest", "stress"]
+    P_systolic: float
+    P_diastolic: float
+    period: float
+    cardiac_output: float | None = None
+    stroke_volume: float | None = None
+    ffr: float | None = None
+    ffr_sd: float | None = None
+    waveform: Beat | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class CoronaryParameters:
+    """The five-element coronary outlet at rest, before calibration.
+
+    Attributes:
+        R_1: proximal arterial resistance [dyn·s/cm⁵].
+        R_2: distal arterial resistance [dyn·s/cm⁵].
+        R_3: venous resistance [dyn·s/cm⁵].
+        C_a: arterial compliance [cm⁵/dyn].
+        C_im: intramyocardial compliance [cm⁵/dyn].
+        P_venous: venous pressure [dyn/cm²].
+        im_factor: factor of the ventricular pressure that acts on `C_im` [-].
+    """
+
+    R_1: float = 3.1992e4
+    R_2: float = 6.3984e4
+    R_3: float = 2.666e5
+    C_a: float = 4.5e-7
+    C_im: float = 3.0e-6
+    P_venous: float = 0.0
+    im_factor: float = 1.0
+
+
+@dataclasses.dataclass(frozen=True)
+class SurrogateParameters:
+    """The 0D stand-in for the anomalous artery, dP = R0 Q + K Q·abs(Q).
+
+    Attributes:
+        R0: linear resistance [dyn·s/cm⁵]; None where it is to come from the anatomy.
+        K: quadratic loss [dyn·s²/cm⁸]; None where it is not given.
+        C0: compliance [cm⁵/dyn].
+        law: `linear` leaves K out.
+    """
+
+    R0: float | None = None
+    K: float | None = None
+    C0: float = 1.0e-7
+    law: Literal["linear", "quadratic"] = "linear"
+
+
+@dataclasses.dataclass(frozen=True)
+class StressParameters:
+    """How the outlet changes from rest to stress: a named rule, or the user's factors.
+
+    Attributes:
+        rule: `printed` and `all` are the readings of the paper; `factors` uses `factors`.
+        factors: factor of each of R_1, R_2, R_3, C_a, C_im [-]; None with a named rule.
+    """
+
+    rule: Literal["printed", "all", "factors"] = "printed"
+    factors: dict[str, float] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class SolverOptions:
+    """Numerical choices; None where the command's own choice is meant.
+
+    Attributes:
+        dt: time step of a 3D run [s].
+        cycles: cardiac cycles of a 3D run.
+        n_steps: samples of a cycle in 0D.
+        mesh_size: fineness of the mesh.
+    """
+
+    dt: float | None = None
+    cycles: int | None = None
+    n_steps: int | None = None
+    mesh_size: Literal["coarse", "medium", "fine"] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A patient, as read from a case file.
+
+    Attributes:
+        path: the file.
+        id: name of the patient, fit for a file name.
+        anatomy: the vessel, or None.
+        wall: the vessel wall.
+        conditions: conditions by name, in the order of the file.
+        coronary: the coronary outlet.
+        surrogate: what is known of the 0D stand-in.
+        solver: numerical choices.
+        source: where the values of each table come from, by table (`condition.rest`).
+        blood: the blood.
+        stress: how the outlet changes under stress.
+        notes: remarks, by table.
+    """
+
+    path: pathlib.Path
+    id: str
+    anatomy: Anatomy | None
+    wall: WallParameters
+    conditions: dict[str, Condition]
+    coronary: CoronaryParameters
+    surrogate: SurrogateParameters
+    solver: SolverOptions
+    source: dict[str, str]
+    blood: BloodParameters = BloodParameters()
+    stress: StressParameters = StressParameters()
+    notes: dict[str, str] = dataclasses.field(default_factory=dict)
+
+
+def read_case(path: str | os.PathLike[str]) -> Case:
+    """Read a case file.
+
+    Args:
+        path: the TOML file.
+
+    Returns:
+        The case, in CGS.
+
+    Raises:
+        CaseError: the file cannot be read or holds faults; all of them are listed.
+    """
+    file = pathlib.Path(path)
+    document = read_document(file)
+    context = Context(file, [], {key: {} for key in FREE_TEXT}, key_homes())
+    values = read_tables(document, context)
+    if context.faults:
+        raise CaseError(context.faults)
+    return _build(file, values, context.texts)
+
+
+def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[str, str]]) -> Case:
+    wall, blood, solver = values["wall"], values["blood"], values["solver"]
+    wall = {"rho_s" if name == "density" else name: value for name, value in wall.items()}
+    counts = {n: None if solver[n] is None else int(solver[n]) for n in ("cycles", "n_steps")}
+    return Case(
+        path=file,
+        id=values["patient"]["id"],
+        anatomy=_build_anatomy(values["anatomy"]),
+        wall=WallParameters(**wall),
+        conditions={n: Condition(name=n, **entry) for n, entry in values["condition"].items()},
+        coronary=CoronaryParameters(**values["coronary"]),
+        surrogate=SurrogateParameters(**values["surrogate"]),
+        solver=SolverOptions(**(solver | counts)),
+        source=texts["source"],
+        blood=BloodParameters(mu=blood["viscosity"], rho_f=blood["density"]),
+        stress=StressParameters(**values["stress"]),
+        notes=texts["notes"],
+    )
+
+
+def _build_anatomy(values: Mapping[str, Any] | None) -> Anatomy | None:
+    if values is None:
+        return None
+    kinds = {
+        "ivus": IvusAnatomy,
+        "synthetic": SyntheticAnatomy,
+        "surface": SurfaceAnatomy,
+        "mesh": MeshAnatomy,
+    }
+    return kinds[values["kind"]](**values)
+
+
+Requirement = Callable[[Case], Fault | None]
+"""Something that a command needs; gives the fault where the case lacks it."""
+
+
+def _rest(case: Case) -> Fault | None:
+    if "rest" in case.conditions:
+        return None
+    cure = "add [condition.rest] with P_systolic_mmHg, P_diastolic_mmHg and period_s"
+    return Fault(case.path, "condition.rest", None, "the condition at rest is missing", "", cure)
+
+
+def _rest_ffr(case: Case) -> Fault | None:
+    rest = case.conditions.get("rest")
+    if rest is not None and rest.ffr is not None:
+        return None
+    problem = "the measured resting ratio is missing; the outlet is tuned to it"
+    cure = "add ffr = ... below [condition.rest]: mean distal over mean aortic pressure at rest"
+    return Fault(case.path, "condition.rest.ffr", None, problem, "0 to 1, both excluded", cure)
+
+
+def _resistance(case: Case) -> Fault | None:
+    if case.surrogate.R0 is not None or isinstance(case.anatomy, IvusAnatomy):
+        return None
+    problem = "the resistance of the anomalous artery is missing, and no contours to get it from"
+    cure = 'give it below [surrogate], or an [anatomy] with kind = "ivus"'
+    return Fault(case.path, "surrogate.R0_dyn_s_per_cm5", None, problem, "above 0", cure)
+
+
+def _quadratic_loss(case: Case) -> Fault | None:
+    given = case.surrogate.K is not None or isinstance(case.anatomy, IvusAnatomy)
+    if case.surrogate.law == "linear" or given:
+        return None
+    problem = 'law = "quadratic" needs the loss K, and no contours to get it from'
+    cure = 'give K below [surrogate], or an [anatomy] with kind = "ivus", or write law = "linear"'
+    return Fault(case.path, "surrogate.K_dyn_s2_per_cm8", None, problem, "0 or above", cure)
+
+
+REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
+    "run": (_rest, _rest_ffr, _resistance, _quadratic_loss),
+    "calibrate": (_rest, _rest_ffr, _resistance, _quadratic_loss),
+    "sweep": (_rest, _resistance, _quadratic_loss),
+}
+"""What each command needs; a new command adds its line."""
+
+
+def require(case: Case, command: str) -> None:
+    """Check that a case holds what a command needs.
+
+    Args:
+        case: the case.
+        command: name of the command, one of `REQUIREMENTS`.
+
+    Raises:
+        CaseError: something is missing; everything that is missing is listed.
+        ValueError: there is no such command.
+    """
+    if command not in REQUIREMENTS:
+        known = ", ".join(REQUIREMENTS)
+        raise ValueError(f"no command {command!r} has requirements of a case; try one of {known}")
+    faults = [fault for needs in REQUIREMENTS[command] if (fault := needs(case)) is not None]
+    if faults:
+        raise CaseError(faults)

@@ -1,0 +1,302 @@
+"""The tables of a case file: which there are, what each takes, and how its values must agree."""
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from study.advice import nearest
+from study.beat import read_beat
+from study.faults import printable, shown_key
+from study.schema import FREE_TEXT, Key, Location, Quantity, Value, Word
+from study.tables import Context, read_free_texts, read_table
+
+FFR_MEANING = (
+    "FFR is mean distal over mean aortic pressure; at 1 or above there is no loss to calibrate: "
+    "usually the wire has drifted or lies lower than the aortic sensor; correct it, or omit ffr"
+)
+
+PATIENT = (
+    Word(
+        "id",
+        pattern=r"[A-Za-z0-9]([A-Za-z0-9._-]{0,62}[A-Za-z0-9_-])?",
+        required=True,
+        described='a name that can be a file name: letters, digits, ". _ -", at most 64',
+    ),
+)
+_LENGTH_UNIT = Word("unit", ("mm", "cm"), required=True)
+ANATOMY: dict[str, tuple[Key, ...]] = {
+    "ivus": (
+        Location("contours", required=True, described="file of tab-separated frame, x, y, z in mm"),
+        Location("centerline", described="file of the centre line"),
+        Quantity("aorta_radius", "length", "mm", 2.0, 40.0),
+    ),
+    "synthetic": (
+        Word("side", ("left", "right")),
+        Quantity("take_off_angle", "angle", "deg", 0.0, 90.0),
+        Quantity("ostium_major", "length", "mm", 0.3, 15.0),
+        Quantity("ostium_minor", "length", "mm", 0.1, 15.0),
+        Quantity("intramural_length", "length", "mm", 0.0, 40.0),
+        Quantity(
+            "hypoplasia", "number", "", 0.05, 1.0, advice="give the lumen area over the normal one"
+        ),
+    ),
+    "surface": (
+        Location("surface", required=True, described="STL or VTP file of the lumen"),
+        _LENGTH_UNIT,
+    ),
+    "mesh": (
+        Location("path", required=True, folder=True, described="mesh folder, .msh or .vtu file"),
+        _LENGTH_UNIT,
+    ),
+}
+BLOOD = (
+    Quantity("viscosity", "viscosity", "poise", 0.005, 0.5, 0.04),
+    Quantity("density", "density", "g_per_cm3", 0.8, 1.3, 1.06),
+)
+WALL = (
+    Quantity("E", "stiffness", "dyn_per_cm2", 1.0e5, 1.0e9, 1.5e7),
+    Quantity("nu", "number", "", 0.0, 0.5, 0.49, advice="give Poisson's ratio, at most 0.5"),
+    Quantity("density", "density", "g_per_cm3", 0.5, 3.0, 1.0),
+    Quantity("thickness_per_radius", "number", "", 0.01, 1.0, 0.1),
+)
+THICKNESS = (
+    Quantity("factor", "number", "", 0.01, 1.0, 0.1),
+    Quantity("min", "length", "mm", 0.01, 5.0),
+    Quantity("max", "length", "mm", 0.05, 10.0),
+)
+CONDITION = (
+    Word("kind", ("rest", "stress")),
+    Quantity("P_systolic", "pressure", "mmHg", 30.0, 300.0, required=True),
+    Quantity("P_diastolic", "pressure", "mmHg", 20.0, 200.0, required=True),
+    Quantity("period", "time", "s", 0.2, 3.0, required=True, aliases=("heart_rate", "HR")),
+    Quantity("cardiac_output", "flow", "l_per_min", 0.3, 40.0, aliases=("CO",)),
+    Quantity("stroke_volume", "volume", "ml", 3.0, 300.0, aliases=("SV",)),
+    Quantity("ffr", "ratio", "", 0.0, 1.0, exclusive=True, advice=FFR_MEANING),
+    Quantity("ffr_sd", "ratio", "", 0.0, 0.3, exclusive=True),
+    Location("waveform", described="CSV file with time_s,P_aorta_mmHg"),
+)
+CORONARY = (
+    Quantity("R_1", "resistance", "dyn_s_per_cm5", 1.0e2, 1.0e8, 3.1992e4),
+    Quantity("R_2", "resistance", "dyn_s_per_cm5", 1.0e2, 1.0e8, 6.3984e4),
+    Quantity("R_3", "resistance", "dyn_s_per_cm5", 1.0e2, 1.0e8, 2.666e5),
+    Quantity("C_a", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 4.5e-7),
+    Quantity("C_im", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 3.0e-6),
+    Quantity("P_venous", "pressure", "mmHg", -5.0, 40.0, 0.0),
+    Quantity(
+        "im_factor",
+        "number",
+        "",
+        0.0,
+        3.0,
+        1.0,
+        advice="give the factor of the LV pressure, usually 1",
+    ),
+)
+SURROGATE = (
+    Quantity("R0", "resistance", "dyn_s_per_cm5", 10.0, 1.0e7),
+    Quantity("K", "quadratic loss", "dyn_s2_per_cm8", 0.0, 1.0e7),
+    Quantity("C0", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 1.0e-7),
+    Word("law", ("linear", "quadratic"), default="linear"),
+)
+STRESS = (Word("rule", ("printed", "all"), default="printed"),)
+STRESS_FACTORS = tuple(
+    Quantity(name, "number", "", 0.01, 100.0, 1.0) for name in ("R_1", "R_2", "R_3", "C_a", "C_im")
+)
+SOLVER = (
+    Quantity("dt", "time", "s", 1.0e-7, 0.1),
+    Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),
+    Quantity("n_steps", "number", "", 8.0, 1.0e6, whole=True),
+    Word("mesh_size", ("coarse", "medium", "fine")),
+)
+
+_PLAIN: dict[str, tuple[Key, ...]] = {
+    "patient": PATIENT,
+    "blood": BLOOD,
+    "coronary": CORONARY,
+    "surrogate": SURROGATE,
+    "solver": SOLVER,
+}
+TABLES = ("patient", "anatomy", "blood", "wall", "condition", *_PLAIN, "stress")
+_CONDITION_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
+
+
+def key_homes() -> dict[str, str]:
+    """For each key, the heading of the table that it belongs to (the first, if several)."""
+    tables: list[tuple[str, Sequence[Key]]] = [
+        ("[condition.NAME]", CONDITION),
+        *((f"[{name}]", keys) for name, keys in _PLAIN.items()),
+        ("[wall]", WALL),
+        ("[stress]", STRESS),
+        *((f'[anatomy] with kind = "{kind}"', keys) for kind, keys in ANATOMY.items()),
+        ("[anatomy]", (Word("kind"),)),
+    ]
+    homes: dict[str, str] = {}
+    for heading, keys in tables:
+        for key in keys:
+            homes.setdefault(key.key, heading)
+    return homes | {"kind": "[anatomy]"}
+
+
+def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]:
+    """Read all tables of a case; faults go to the context.
+
+    Args:
+        document: the parsed file.
+        context: where faults and free texts are collected.
+
+    Returns:
+        Values by name for each table, numbers in CGS; `condition` holds one such mapping for each
+        condition, `anatomy` is None where there is none.
+    """
+    read_free_texts(document, "file", context)
+    meant = _refuse_unknown_tables(document, context)
+    values: dict[str, Any] = {}
+    for name, keys in _PLAIN.items():
+        if name in document or name not in meant:
+            values[name] = read_table(document.get(name, {}), name, keys, context)
+    values["anatomy"] = (
+        _read_anatomy(document["anatomy"], context) if "anatomy" in document else None
+    )
+    values["wall"] = _read_wall(document.get("wall", {}), context)
+    values["condition"] = _read_conditions(document.get("condition", {}), context)
+    values["stress"] = _read_stress(document.get("stress", {}), context)
+    surrogate = document.get("surrogate")
+    if isinstance(surrogate, dict) and "law" not in surrogate and "K_dyn_s2_per_cm8" in surrogate:
+        context.add(
+            "surrogate.law",
+            None,
+            "a quadratic loss K is given, but not whether to use it",
+            'add law = "quadratic" to use it, or law = "linear" to leave it out',
+            '"linear" | "quadratic"',
+        )
+    return values
+
+
+def _refuse_unknown_tables(document: Mapping[str, Any], context: Context) -> set[str]:
+    """Refuse tables that do not exist; returns those that were probably meant."""
+    meant: set[str] = set()
+    condition_keys = {key.key for key in CONDITION}
+    valid = "tables " + ", ".join(f"[{table}]" for table in dict.fromkeys(TABLES))
+    for name, value in document.items():
+        if name in TABLES or name in FREE_TEXT:
+            continue
+        close = nearest(name, TABLES)
+        if isinstance(value, dict) and condition_keys & set(value):
+            cure = f"a condition is written [condition.{shown_key(name)}]"
+        elif name in context.homes:
+            cure = f"move it below {context.homes[name]}"
+        elif close:
+            cure = f"the nearest valid table is [{close}]"
+            meant.add(close)
+        else:
+            cure = "remove it, or use a valid table"
+        what = "table" if isinstance(value, dict) else "key"
+        shown = None if isinstance(value, dict) else value
+        context.add(shown_key(name), shown, f"unknown {what}", cure, valid)
+    return meant
+
+
+def _read_anatomy(table: object, context: Context) -> dict[str, Value] | None:
+    if not isinstance(table, dict):
+        read_table(table, "anatomy", (), context)
+        return None
+    choice = Word("kind", tuple(ANATOMY), required=True)
+    kind = table.get("kind")
+    if not isinstance(kind, str) or kind not in ANATOMY:
+        entry = {"kind": kind} if "kind" in table else {}
+        return read_table(entry, "anatomy", (choice,), context)
+    values = read_table(table, "anatomy", (choice, *ANATOMY[kind]), context)
+    _check_order(values, "ostium_minor", "ostium_major", "anatomy", ANATOMY[kind], table, context)
+    return values
+
+
+def _read_wall(table: object, context: Context) -> dict[str, Value]:
+    thickness: dict[str, Value] = {"min": None, "max": None}
+    heading = "wall.thickness_per_radius"
+    rest = table
+    if isinstance(table, dict) and isinstance(table.get("thickness_per_radius"), dict):
+        local = table["thickness_per_radius"]
+        rest = {name: value for name, value in table.items() if name != "thickness_per_radius"}
+        thickness = read_table(local, heading, THICKNESS, context)
+        _check_order(thickness, "min", "max", heading, THICKNESS, local, context)
+    values = read_table(rest, "wall", WALL, context)
+    values["thickness_per_radius"] = thickness.get("factor", values["thickness_per_radius"])
+    return values | {"thickness_min": thickness["min"], "thickness_max": thickness["max"]}
+
+
+def _read_conditions(table: object, context: Context) -> dict[str, dict[str, Any]]:
+    if not isinstance(table, dict):
+        cure = "write each condition as a table of its own, [condition.rest]"
+        context.add("condition", None, "a table for each condition is expected", cure)
+        return {}
+    read_free_texts(table, "condition", context)
+    conditions: dict[str, dict[str, Any]] = {}
+    for name, value in table.items():
+        place = f"condition.{shown_key(name)}"
+        if name in FREE_TEXT:
+            continue
+        if not isinstance(value, dict):
+            cure = "put it below the heading of a condition, such as [condition.rest]"
+            context.add(place, value, "the key belongs to no condition", cure)
+        elif not _CONDITION_NAME.fullmatch(name):
+            cure = f"rename it, e.g. [condition.{re.sub(r'[^A-Za-z0-9]+', '_', name)[:40] or 'a'}]"
+            allowed = "a letter, then letters, digits, _ and -, at most 40"
+            context.add(place, None, "not a valid name of a condition", cure, allowed)
+        elif name.lower() == "rest" and name != "rest":
+            cure = "write [condition.rest], in small letters"
+            context.add(place, None, "the condition at rest is named rest", cure)
+        else:
+            conditions[name] = _read_condition(name, value, context)
+    return conditions
+
+
+def _read_condition(name: str, table: Mapping[str, Any], context: Context) -> dict[str, Any]:
+    heading = f"condition.{name}"
+    values: dict[str, Any] = dict(read_table(table, heading, CONDITION, context))
+    kind = "rest" if name == "rest" else "stress"
+    if values["kind"] not in (None, kind):
+        cure = f'remove kind, or write kind = "{kind}"; only [condition.rest] is at rest'
+        problem = f"a condition named {printable(name)} is of kind {kind}"
+        context.add(f"{heading}.kind", table["kind"], problem, cure, f'"{kind}"')
+    values["kind"] = kind
+    _check_order(
+        values, "P_diastolic", "P_systolic", heading, CONDITION, table, context, apart=True
+    )
+    path, period, P_systolic = values["waveform"], values["period"], values["P_systolic"]
+    if path is not None and period is not None and P_systolic is not None:
+        place = f"{heading}.waveform"
+        values["waveform"] = read_beat(path, period, P_systolic, place, context.faults)
+    return values
+
+
+def _read_stress(table: object, context: Context) -> dict[str, Any]:
+    if not isinstance(table, dict) or "factors" not in table:
+        return {**read_table(table, "stress", STRESS, context), "factors": None}
+    rest = {name: value for name, value in table.items() if name != "factors"}
+    values = read_table(rest, "stress", STRESS, context)
+    if "rule" in table:
+        cure = "keep either rule or [stress.factors]"
+        context.add("stress.rule", table["rule"], "[stress.factors] is given as well", cure)
+    factors = read_table(table["factors"], "stress.factors", STRESS_FACTORS, context)
+    return {**values, "rule": "factors", "factors": factors}
+
+
+def _check_order(
+    values: Mapping[str, Any],
+    lower: str,
+    upper: str,
+    heading: str,
+    keys: Sequence[Key],
+    table: Mapping[str, Any],
+    context: Context,
+    *,
+    apart: bool = False,
+) -> None:
+    """Refuse a lower value above (with `apart`, or at) its upper one."""
+    low, high = values.get(lower), values.get(upper)
+    if low is None or high is None or low < high or (low == high and not apart):
+        return
+    key = {key.name: key.key for key in keys}
+    problem = f"not below {key[upper]} = {table[key[upper]]:g}"
+    cure = "check both values; swap them if they were exchanged"
+    context.add(f"{heading}.{key[lower]}", table[key[lower]], problem, cure, f"below {key[upper]}")

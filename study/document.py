@@ -1,0 +1,84 @@
+"""The text of a TOML file, parsed; an unreadable file gives one clear fault."""
+
+import pathlib
+import re
+import tomllib
+from typing import Any
+
+from study.faults import CaseError, Fault, shown
+
+LARGEST_SIZE = 2**20
+"""Size beyond which a file is taken for something else [bytes]."""
+
+_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+
+
+def read_document(file: pathlib.Path) -> dict[str, Any]:
+    """Parse a TOML file.
+
+    Args:
+        file: its path.
+
+    Returns:
+        The tables as nested dictionaries.
+
+    Raises:
+        CaseError: the file cannot be opened, is empty, is no text, or is no valid TOML.
+    """
+    text = _read_text(file)
+    if not text.strip():
+        raise _refusal(file, "the file is empty", "start from the template of a case file")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        cure = "correct the syntax there: key = value, texts in quotes, each key once a table"
+        raise _refusal(file, f"not valid TOML: {error}{_line_of(error, text)}", cure) from None
+    except RecursionError:
+        cure = "a case file needs two levels of tables; remove the brackets that are too many"
+        raise _refusal(file, "lists or tables are nested too deeply", cure) from None
+    except ValueError as error:  # an integer with more digits than Python converts
+        cure = "look for a number with a great many digits"
+        raise _refusal(file, f"a number cannot be read: {str(error).split(';')[0]}", cure) from None
+
+
+def _read_text(file: pathlib.Path) -> str:
+    try:
+        if file.is_dir():
+            cure = "give the path of the case file inside it"
+            raise _refusal(file, "a folder, where a case file is expected", cure)
+        if not file.exists():
+            raise _refusal(file, "no such file", "check the path and the spelling")
+        if not file.is_file():
+            raise _refusal(file, "not a regular file", "give the path of a case file on disk")
+        if file.stat().st_size > LARGEST_SIZE:
+            size = f"{file.stat().st_size / 2**20:.1f} MiB, too large for a case file"
+            raise _refusal(file, size, "give the path of the .toml file, not of the data it names")
+        content = file.read_bytes()
+    except OSError as error:
+        problem = f"the file cannot be opened: {error.strerror or error}"
+        raise _refusal(file, problem, "check the path and the permission to read it") from None
+    except ValueError as error:
+        if isinstance(error, CaseError):
+            raise
+        raise _refusal(file, f"the path cannot be used: {error}", "check the path") from None
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        problem = f"not a UTF-8 text (byte {error.start} is {content[error.start]:#04x})"
+        cure = "give a TOML text file; this one is binary or in another encoding"
+        if content.startswith(_UTF16_MARKS):
+            cure = "the file is in UTF-16: save it again as UTF-8"
+        raise _refusal(file, problem, cure) from None
+
+
+def _refusal(file: pathlib.Path, problem: str, cure: str) -> CaseError:
+    return CaseError([Fault(file, "", None, problem, "", cure)])
+
+
+def _line_of(error: Exception, text: str) -> str:
+    """The line that a syntax error points to, for the message."""
+    place = re.search(r"line (\d+)", str(error))
+    lines = text.replace("\r\n", "\n").split("\n")
+    if place is None or int(place[1]) > len(lines):
+        return ""
+    return f", in {shown(lines[int(place[1]) - 1].strip())}"

@@ -1,0 +1,89 @@
+"""Faults of an input file and the one error that reports all of them together."""
+
+import dataclasses
+import datetime
+import pathlib
+import re
+import reprlib
+from collections.abc import Sequence
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]{1,80}")
+_LARGEST_SHOWN_INTEGER = 10**18
+
+_short = reprlib.Repr()
+_short.maxstring = 80
+_short.maxother = 80
+_short.maxlevel = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong with an input file.
+
+    Attributes:
+        file: the file at fault.
+        key: dotted name of the key, empty when the file as a whole is at fault.
+        value: the value found there; None when nothing was found.
+        problem: what is wrong.
+        allowed: what would have been accepted; empty when that needs no saying.
+        cure: what to try.
+    """
+
+    file: pathlib.Path
+    key: str
+    value: object
+    problem: str
+    allowed: str
+    cure: str
+
+    def __str__(self) -> str:
+        """The fault in two lines: what happened, and what to try."""
+        found = "" if self.value is None else f" = {shown(self.value)}"
+        where = f"{printable(self.file)}: {self.key}{found}: " if self.key else f"{self.file}: "
+        allowed = f" (allowed: {self.allowed})" if self.allowed else ""
+        return f"{where}{self.problem}{allowed}\n    try: {self.cure}"
+
+
+class CaseError(ValueError):
+    """An input file was refused; every fault found in it is reported at once.
+
+    Attributes:
+        faults: the faults, in the order in which the tables are read.
+    """
+
+    def __init__(self, faults: Sequence[Fault]):
+        ValueError.__init__(self, list(faults))
+        self.faults: list[Fault] = list(faults)
+
+    def __str__(self) -> str:
+        """All faults, two lines each."""
+        count = len(self.faults)
+        head = "the input was refused: " + ("1 fault" if count == 1 else f"{count} faults")
+        return "\n".join([head, *(str(fault) for fault in self.faults)])
+
+
+def shown(value: object) -> str:
+    """A value as it may be printed: short, on one line, whatever it is."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int) and abs(value) >= _LARGEST_SHOWN_INTEGER:
+        return f"an integer of {value.bit_length()} bits"
+    if isinstance(value, int | float):
+        return f"{value:.10g}"
+    if isinstance(value, datetime.date | datetime.time):
+        return value.isoformat()
+    try:
+        return _short.repr(value)
+    except ValueError:  # an integer too long to print, inside a list or table
+        return f"a {type(value).__name__}"
+
+
+def printable(text: object) -> str:
+    """A text without control characters, quoted only where it holds any."""
+    plain = str(text)
+    return plain if plain.isprintable() else repr(plain)
+
+
+def shown_key(name: str) -> str:
+    """A key as it is written in TOML: bare where that is allowed, quoted otherwise."""
+    return name if _BARE_KEY.fullmatch(name) else _short.repr(name)

@@ -1,0 +1,84 @@
+"""The template of a case file, with every key that it takes."""
+
+_TEMPLATE = """\
+# A patient case. Every key that carries a unit ends in it. Lines that begin with "#name =" or "#["
+# are optional and show the default, or an example where it says so; remove the "#" to set them.
+# Any table takes source = "..." (where its values come from) and notes = "...".
+
+[patient]
+id = "patient-01"                   # names the results: letters, digits, ". _ -"
+#source = "catheter report"
+#notes = "free text"
+
+# The vessel: exactly one kind. Leave it out where R0 is given below and nothing needs a mesh.
+#[anatomy]
+#kind = "ivus"                      # ivus | synthetic | surface | mesh
+#contours = "contours.csv"          # ivus: tab-separated frame, x, y, z in mm; beside this file
+#centerline = "centerline.csv"      # ivus, example
+#aorta_radius_mm = 14.0             # ivus, example
+# synthetic: side = "left" | "right", take_off_angle_deg, ostium_major_mm, ostium_minor_mm,
+#            intramural_length_mm, hypoplasia
+# surface:   surface = "lumen.stl", unit = "mm" | "cm"
+# mesh:      path = "mesh-complete", unit = "mm" | "cm"
+
+#[blood]
+#viscosity_poise = 0.04
+#density_g_per_cm3 = 1.06
+
+#[wall]
+#E_dyn_per_cm2 = 1.5e7
+#nu = 0.49
+#density_g_per_cm3 = 1.0
+#thickness_per_radius = 0.1         # or { factor = 0.1, min_mm = 0.3, max_mm = 2.0 }
+
+# The condition at rest. ffr is the measured mean distal over mean aortic pressure (resting Pd/Pa):
+# calibration needs it.
+[condition.rest]
+P_systolic_mmHg = 110.0
+P_diastolic_mmHg = 65.0
+period_s = 0.80                     # 60 / heart rate
+ffr = 0.91
+#ffr_sd = 0.01                      # example
+#cardiac_output_l_per_min = 4.5     # example
+#stroke_volume_ml = 60.0            # example
+#waveform = "rest_beat.csv"         # example: one measured beat, columns time_s,P_aorta_mmHg
+
+# Any number of further conditions, under any name; all of them are stress.
+[condition.dobutamine]
+P_systolic_mmHg = 130.0
+P_diastolic_mmHg = 70.0
+period_s = 0.45
+
+# The coronary outlet at rest, before calibration.
+#[coronary]
+#R_1_dyn_s_per_cm5 = 3.1992e4
+#R_2_dyn_s_per_cm5 = 6.3984e4
+#R_3_dyn_s_per_cm5 = 2.666e5
+#C_a_cm5_per_dyn = 4.5e-7
+#C_im_cm5_per_dyn = 3.0e-6
+#P_venous_mmHg = 0.0
+#im_factor = 1.0                    # factor of the ventricular pressure
+
+# The anomalous artery in 0D, dP = R0 Q + K Q |Q|.
+[surrogate]
+R0_dyn_s_per_cm5 = 5.0e3            # may be left out with an ivus anatomy
+#C0_cm5_per_dyn = 1.0e-7
+#law = "linear"                     # linear | quadratic
+#K_dyn_s2_per_cm8 = 1.0e3           # example; used where law = "quadratic"
+
+# From rest to stress: "printed" or "all" (two readings of the published rule), or own factors.
+#[stress]
+#rule = "printed"
+# [stress.factors] takes R_1, R_2, R_3, C_a, C_im (each 1.0 where absent) in place of rule.
+
+#[solver]
+#dt_s = 1.0e-3                      # example: step of a 3D run
+#cycles = 4                         # example: cycles of a 3D run
+#n_steps = 1000                     # example: samples of a cycle in 0D
+#mesh_size = "coarse"               # example: coarse | medium | fine
+"""
+
+
+def case_template() -> str:
+    """A commented case file to start from; it is itself a valid case."""
+    return _TEMPLATE

@@ -13,9 +13,9 @@ Viscous part. Fully developed flow, a = ∫ μ/G ds, with the conductance of a c
 
     G = A⁴ / (16 π² I_p),        for an ellipse π A³B³ / (4 (A² + B²)) with semi-axes A, B.
 
-The ellipse is exact (White, Viscous Fluid Flow, 3rd ed., table 3-2). For other shapes it is
+The ellipse is exact (White, Viscous Fluid Flow, chapter 3). For other shapes it is
 Saint-Venant's approximation for torsion, carried over to ducts by Bahrami, Yovanovich and Culham
-2006, J Fluids Eng 128:1036, eq. 15: the shape is replaced by the ellipse of the same area and the
+2006, J Fluids Eng 128:1036: the shape is replaced by the ellipse of the same area and the
 same polar moment I_p. Measured against finite-element solutions of the Poisson problem on all 84
 frames of a real anomalous coronary (rest and dobutamine, diastole and systole), the error is
 
@@ -29,7 +29,7 @@ frames of a real anomalous coronary (rest and dobutamine, diastole and systole),
 −11 to +22 %.
 
 Contraction. K_c = ζ (1 − A_o/A_u)^¾, ζ = 0.5 for a sharp edge flush with the wall (Idelchik,
-Handbook of Hydraulic Resistance, diagrams 3-1 and 3-9); `contraction_coefficient` gives ζ for an
+Handbook of Hydraulic Resistance, chapters 3 and 4); `contraction_coefficient` gives ζ for an
 oblique take-off.
 
 Development. The flat profile of the entrance turns parabolic and loses more than developed flow.
@@ -154,7 +154,7 @@ class LumenLosses(eqx.Module):
 def conductance(lumen: Lumen) -> Float[Array, " frames"]:
     """Conductance G of fully developed flow, Q = (G/μ) (−dP/ds), of each cross-section [cm⁴].
 
-    G = A⁴ / (16 π² I_p) (Bahrami et al. 2006, eq. 15; exact for an ellipse).
+    G = A⁴ / (16 π² I_p) (Bahrami et al. 2006; exact for an ellipse).
     """
     return lumen.area**4 / (16.0 * jnp.pi**2 * lumen.polar_moment)
 
@@ -163,7 +163,7 @@ def contraction_coefficient(take_off_angle: Float[ArrayLike, ""]) -> Float[Array
     """Loss coefficient of a sharp-edged entrance at an angle to the wall [-].
 
     ζ = 0.5 + 0.3 cos δ + 0.2 cos² δ (Weisbach; Idelchik, Handbook of Hydraulic Resistance,
-    section 3): 0.5 for a perpendicular take-off, up to 1 for one that runs along the wall.
+    chapter 3): 0.5 for a perpendicular take-off, up to 1 for one that runs along the wall.
 
     Args:
         take_off_angle: δ between the vessel and the wall of the aorta [rad], 0..π/2.

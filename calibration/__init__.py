@@ -7,3 +7,10 @@ from calibration.reduced_law import (
     lumen_law,
     lumen_losses,
 )
+from calibration.vascular import FreeParameters, VesselFit, calibrate_vessels
+from calibration.vessel_record import (
+    VesselParameters,
+    VesselRecord,
+    synthetic_record,
+    vessel_residuals,
+)

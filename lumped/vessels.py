@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 
 from lumped.elements import AbstractElement
 from lumped.parameters import Parameter, check_range, parameter, real
-from lumped.waveforms import AbstractWaveform
 
 Ports = Float[Array, " 2"]
 
@@ -103,10 +102,6 @@ class Vessel(AbstractElement):
         """Nothing outside."""
         return jnp.zeros(len(self.state_names))
 
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """None."""
-        return ()
-
 
 class VesselCRL(AbstractElement):
     """A vessel segment with its compliance at the inlet: compliance, resistance, inertance.
@@ -175,10 +170,6 @@ class VesselCRL(AbstractElement):
     def external_pressure(self, t: Parameter) -> Float[Array, " n"]:
         """Nothing outside."""
         return jnp.zeros(len(self.state_names))
-
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """None."""
-        return ()
 
 
 def _state_names(C: Parameter | None, L: Parameter | None) -> tuple[str, ...]:

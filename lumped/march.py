@@ -95,11 +95,11 @@ def step(
     scheme, n, m = SCHEMES[order], network.n_states, network.n_unknowns
     stages = scheme.c.shape[0]
     times = t + dt * jnp.asarray(scheme.c)
-    coupling = jnp.asarray(scheme.inverse)[:, :, None] * (network.mass() / dt)
+    coupling = jnp.asarray(scheme.inverse)[:, :, None] * (network.mass() / dt)[None, None]
 
     def equations(Z):
         residual = jax.vmap(network.residual)(times, Z)
-        inertia = jnp.einsum("ijn,jn->in", coupling, Z[:, :n] - z[:n])
+        inertia = jnp.einsum("ijn,jn->in", coupling, Z[:, :n] - z[None, :n])
         return residual.at[:, :n].add(-inertia)
 
     def newton(f, Z):
@@ -211,6 +211,6 @@ def aligned_times(
     each = -(-n_steps // stretches)
     share = jnp.arange(each) / each
     ts = (marks[:-1, None] + jnp.diff(marks)[:, None] * share[None, :]).reshape(-1)
-    starts = jnp.arange(cycles) * jnp.asarray(period, float)
+    starts = jnp.arange(cycles, dtype=float) * period
     every = (starts[:, None] + ts[None, :]).reshape(-1)
     return jnp.append(every, cycles * jnp.asarray(period, float))

@@ -142,7 +142,10 @@ def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
 
     if network.is_linear:
         return jnp.linalg.solve(jacobian(network, 0.0, zero), -forcing)
-    z = zero + 1.0  # at rest a quadratic loss has no slope
-    for _ in range(12):
-        z = z - jnp.linalg.solve(jax.jacfwd(steady)(z), steady(z))
+
+    def newton(_, z):
+        return z - jnp.linalg.solve(jax.jacfwd(steady)(z), steady(z))
+
+    start = zero + 1.0  # at rest a quadratic loss has no slope
+    z = jax.lax.fori_loop(0, 12, newton, start)
     return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))

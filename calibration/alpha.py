@@ -26,7 +26,9 @@ from lumped import (
     Network,
     Shooting,
     Surrogate,
+    aligned_times,
     averaged,
+    march,
     mean_state,
     raise_unless_successful,
     scale_resistances,
@@ -207,13 +209,15 @@ def _calibrate_nonlinear(
     aorta, distal = network.pressure_index("aorta"), network.pressure_index("distal")
     fix = jax.lax.stop_gradient
     alpha_0 = fix(_steady_alpha(network, averaged(network, period), target))
-    x_0 = fix(mean_state(with_alpha(network, alpha_0), period)[:n])
-    scale = jnp.max(jnp.abs(x_0))
+    guess = fix(mean_state(with_alpha(network, alpha_0), period))
+    scale = jnp.max(jnp.abs(guess))
 
     def evaluate(unknown, args):
         model, T, _ = args
         x = unknown[:n] * scale
-        path = solver.cycle(with_alpha(model, alpha_0 / unknown[n]), T, x)
+        ts = aligned_times(model, T, solver.n_steps)
+        start = jnp.concatenate([x, guess[n:]])
+        path = march(ts, with_alpha(model, alpha_0 / unknown[n]), start, order=solver.order)
         return (path.z[-1, :n] - x) / scale, path.integral[distal] / path.integral[aorta]
 
     def mismatch(unknown, args):
@@ -222,7 +226,7 @@ def _calibrate_nonlinear(
 
     args = (network, jnp.asarray(period, float), target)
     newton = optx.Newton(rtol=solver.tolerance, atol=solver.tolerance)
-    start = jnp.append(x_0 / scale, 1.0)
+    start = jnp.append(guess[:n] / scale, 1.0)
     solution = optx.root_find(mismatch, newton, start, args, max_steps=MAX_STEPS, throw=False)
     return AlphaFit(
         alpha=alpha_0 / solution.value[n],

@@ -5,6 +5,7 @@ fast transform costs, run on every device, and avoid a fault of XLA's CPU transf
 a loop it can wait forever for its own thread pool (openxla/xla issue 46345 and its neighbours).
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -19,7 +20,7 @@ def _tables(n: int) -> tuple[np.ndarray, np.ndarray]:
 def to_harmonics(samples: Float[Array, "n k"]) -> Complex[Array, "f k"]:
     """v̂_j = Σ_k v_k exp(−2πi jk/n) for j = 0 … n/2, n even; along the first axis."""
     cos, sin = _tables(samples.shape[0])
-    return jnp.asarray(cos) @ samples - 1j * (jnp.asarray(sin) @ samples)
+    return jax.lax.complex(jnp.asarray(cos) @ samples, -jnp.asarray(sin) @ samples)
 
 
 def from_harmonics(x_hat: Complex[Array, " f"], n: int) -> Float[Array, " n"]:

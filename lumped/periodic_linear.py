@@ -46,14 +46,15 @@ class Fourier(AbstractPeriodicSolver):
         Raises:
             ValueError: the network is nonlinear or, with `reduce`, not of index 1.
         """
-        t = jnp.arange(self.n_samples) * (period / self.n_samples)
-        omega = 2.0 * jnp.pi * jnp.arange(self.n_samples // 2 + 1) / period
+        t = jnp.arange(self.n_samples) / self.n_samples * period
+        omega = 2.0 * jnp.pi / period * jnp.arange(self.n_samples // 2 + 1, dtype=float)
         mean = mean_state(network, period)
+        first = (self.n_samples * mean).astype(complex)
         if self.reduce:
             system = state_space(network)
             v = system.sources(t)
             x_hat = _reduced_harmonics(system, omega, to_harmonics(v))
-            x_hat = [x.at[0].set(self.n_samples * mean[i]) for i, x in enumerate(x_hat)]
+            x_hat = [x.at[0].set(first[i]) for i, x in enumerate(x_hat)]
             x = [from_harmonics(row, self.n_samples) for row in x_hat]
             z = jnp.stack([*x, *_algebraic_rows(system, x, v)], axis=1)
             monodromy = expm(system.A * period)
@@ -63,7 +64,7 @@ class Fourier(AbstractPeriodicSolver):
             zero = jnp.zeros(network.n_unknowns)
             h = jax.vmap(lambda s: network.residual(s, zero))(t)
             z_hat = _full_harmonics(network, omega, to_harmonics(h))
-            z_hat = z_hat.at[0].set(self.n_samples * mean)
+            z_hat = z_hat.at[0].set(first)
             z = jax.vmap(from_harmonics, (1, None), 1)(z_hat, self.n_samples)
             x_hat = [z_hat[:, i] for i in range(network.n_states)]
             monodromy = _monodromy_by_march(network, period)
@@ -83,14 +84,19 @@ class Fourier(AbstractPeriodicSolver):
 def _reduced_harmonics(system: StateSpace, omega: Float[Array, " f"], v_hat: Array) -> list[Array]:
     """Solve (iω I − A) x̂ = B v̂ at all frequencies; a list of rows so that unused ones vanish."""
     n, k = system.B.shape
-    forcing = [sum(system.B[i, j] * v_hat[:, j] for j in range(k)) for i in range(n)]
     if n == 0:
         return []
-    b = jnp.stack(forcing)
-    diagonal = 1j * omega[None, None, :] * jnp.eye(n)[:, :, None]
-    matrix = diagonal - system.A[:, :, None]
+    real, imag = (
+        [sum(system.B[i, j] * part[:, j] for j in range(k)) for i in range(n)]
+        for part in (v_hat.real, v_hat.imag)
+    )
+    b = jax.lax.complex(jnp.stack(real), jnp.stack(imag))
+    matrix = jax.lax.complex(
+        jnp.broadcast_to(-system.A[:, :, None], (n, n, omega.shape[0])),
+        jnp.eye(n)[:, :, None] * omega[None, None, :],
+    )
     if n <= SMALL:
-        return list(solve_small(matrix, b.astype(matrix.dtype)))
+        return list(solve_small(matrix, b))
     solved = jnp.linalg.solve(jnp.moveaxis(matrix, 2, 0), jnp.moveaxis(b, 1, 0)[..., None])
     return list(jnp.moveaxis(solved[..., 0], 0, 1))
 
@@ -109,7 +115,9 @@ def _full_harmonics(network: Network, omega: Float[Array, " f"], h_hat: Array) -
     n, m = network.n_states, network.n_unknowns
     H = jacobian(network, 0.0, jnp.zeros(m))
     M = jnp.zeros((m, m)).at[:n, :n].set(jnp.diag(network.mass()))
-    pencil = 1j * omega[1:, None, None] * M[None] - H[None]
+    pencil = jax.lax.complex(
+        jnp.broadcast_to(-H, (omega.shape[0] - 1, m, m)), omega[1:, None, None] * M[None]
+    )
     solved = jnp.linalg.solve(pencil, h_hat[1:, :, None])[..., 0]
     return jnp.concatenate([jnp.zeros_like(solved[:1]), solved])
 
@@ -196,7 +204,7 @@ def _propagate(
     dt = (ts[1:] - ts[:-1]).reshape(stretches, each)[:, 0]
     nodes = 0.5 * (1.0 + np.polynomial.legendre.leggauss(_NODES)[0])
     Phi, W = jax.vmap(lambda h: _step_matrices(system.A, h, nodes))(dt)
-    at = (starts[..., None] + dt[:, None, None] * jnp.asarray(nodes)).reshape(-1)
+    at = (starts[..., None] + dt[:, None, None] * jnp.asarray(nodes)[None, None]).reshape(-1)
     u = (system.sources(at) @ system.B.T).reshape(stretches, each, _NODES, n)
     push = jnp.einsum("sjab,skjb->ska", W, u).reshape(-1, n)
     which = jnp.repeat(jnp.arange(stretches), each)

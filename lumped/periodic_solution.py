@@ -141,9 +141,12 @@ def steady_state(network: Network) -> Float[Array, " m"]:
     zero = jnp.zeros(network.n_unknowns)
     if network.is_linear:
         return jnp.linalg.solve(jacobian(network, 0.0, zero), -network.residual(0.0, zero))
-    z = zero + 1.0  # at rest a quadratic loss has no slope
-    for _ in range(12):
-        z = z - jnp.linalg.solve(jacobian(network, 0.0, z), network.residual(0.0, z))
+
+    def newton(_: Any, z: Array) -> Array:
+        return z - jnp.linalg.solve(jacobian(network, 0.0, z), network.residual(0.0, z))
+
+    start = zero + 1.0  # at rest a quadratic loss has no slope
+    z = jax.lax.fori_loop(0, 12, newton, start)
     return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))
 
 

@@ -4,7 +4,7 @@ A compliance or inertance that is `None` is not there: its state disappears, so 
 field never divides by zero. An array of zeros is refused for the same reason.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from lumped.parameters import Parameter, check_range, parameter, real
 Ports = Float[Array, " 2"]
 
 
-def optional_parameter() -> Parameter | None:
+def optional_parameter() -> Any:
     """Declare a parameter that may be absent (None)."""
     return eqx.field(converter=lambda v: None if v is None else real(v), default=None)
 

@@ -147,18 +147,23 @@ def calibrate_alpha(
         RuntimeError: Newton's method did not converge.
     """
     require_feasible(surrogate, condition, target)
-    nominal = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.ones(()))
-    network = nominal.network(condition)
-    goal = jnp.asarray(target, float)
-    if network.is_linear:
-        fit = _calibrate_linear(network, condition.period, goal)
-    else:
-        fit = _calibrate_nonlinear(network, condition.period, goal, solver or Shooting())
+    fit = _calibrate(surrogate, condition, jnp.asarray(target, float), solver or Shooting())
     if throw:
         raise_unless_successful(
             fit.result, "Check R0, K and the ratio, or bracket α with `bisect_alpha`."
         )
     return fit
+
+
+@eqx.filter_jit
+def _calibrate(
+    surrogate: Surrogate, condition: Condition, target: Array, solver: Shooting
+) -> AlphaFit:
+    nominal = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.ones(()))
+    network = nominal.network(condition)
+    if network.is_linear:
+        return _calibrate_linear(network, condition.period, target)
+    return _calibrate_nonlinear(network, condition.period, target, solver)
 
 
 def _calibrate_linear(network: Network, period: Parameter, target: Array) -> AlphaFit:
@@ -252,7 +257,7 @@ def alpha_sensitivities(
         return jnp.log(calibrate_alpha(*data, throw=False).alpha)
 
     data = (surrogate, condition, jnp.asarray(target, float))
-    g_surrogate, g_condition, g_target = jax.grad(log_alpha)(data)
+    g_surrogate, g_condition, g_target = eqx.filter_jit(jax.grad(log_alpha))(data)
     pairs = {"ratio": (target, g_target)}
     for name in ("R0", "C0", "K"):
         if getattr(surrogate, name) is not None:

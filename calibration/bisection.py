@@ -94,20 +94,22 @@ def bisect_alpha(
 
     low, high = jnp.log(jnp.asarray(bracket[0], float)), jnp.log(jnp.asarray(bracket[1], float))
     args = (surrogate, condition, jnp.asarray(target, float))
+    # FFR rises with α: told so, optimistix bisects without raising inside jit, and a bracket
+    # without root ends at one of its ends, which the ratio reached gives away
+    bisection = optx.Bisection(rtol=tolerance, atol=tolerance, flip=False)
+    options = {"lower": low, "upper": high}
     solution = optx.root_find(
-        mismatch,
-        optx.Bisection(rtol=tolerance, atol=tolerance, expand_if_necessary=False),
-        0.5 * (low + high),
-        args,
-        options={"lower": low, "upper": high},
-        max_steps=100,
-        throw=False,
+        mismatch, bisection, 0.5 * (low + high), args, options=options, max_steps=100, throw=False
+    )
+    missed = mismatch(solution.value, args)
+    result = optx.RESULTS.where(
+        jnp.abs(missed) < 1e-6, solution.result, optx.RESULTS.nonlinear_divergence
     )
     if throw:
-        raise_unless_successful(solution.result, "Widen the bracket of α.")
+        raise_unless_successful(result, "Widen the bracket of α.")
     return AlphaFit(
         alpha=jnp.exp(solution.value),
-        ratio=mismatch(solution.value, args) + args[2],
+        ratio=missed + args[2],
         iterations=solution.stats["num_steps"],
-        result=solution.result,
+        result=result,
     )

@@ -41,11 +41,11 @@ class Sweep(eqx.Module):
     """
 
     metrics: Metrics
-    error_estimate: Float[Array, " cases"]
-    t: Float[Array, "cases samples"] | None
-    P_aorta: Float[Array, "cases samples"] | None
-    P_distal: Float[Array, "cases samples"] | None
-    Q: Float[Array, "cases samples"] | None
+    error_estimate: Float[Array, "*cases"]
+    t: Float[Array, "*cases samples"] | None
+    P_aorta: Float[Array, "*cases samples"] | None
+    P_distal: Float[Array, "*cases samples"] | None
+    Q: Float[Array, "*cases samples"] | None
 
 
 def simulate_many(
@@ -175,7 +175,7 @@ class Calibrations(eqx.Module):
     fit: AlphaFit
     d_surrogate: Surrogate | None
     d_condition: Condition | None
-    d_target: Float[Array, " cases"] | None
+    d_target: Float[Array, "*cases"] | None
 
 
 def calibrate_many(

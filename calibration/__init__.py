@@ -1,11 +1,33 @@
 """Tuning of models to a patient: resistances, the scale factor alpha, fits, batch sweeps."""
 
+from calibration.fit import fit, fit_batch, stacked
+from calibration.free_parameter import FreeParameter
+from calibration.gauss_newton import DampedGaussNewton
+from calibration.identifiability import (
+    Identifiability,
+    RatioIdentifiability,
+    identifiability,
+    ratio_identifiability,
+)
+from calibration.optimum import Fit
+from calibration.profile import Profile, profile
 from calibration.reduced_law import (
     LumenLosses,
     PressureFlowLaw,
     contraction_coefficient,
     lumen_law,
     lumen_losses,
+)
+from calibration.targets import (
+    Experiment,
+    NetworkExperiment,
+    Target,
+    diastolic_target,
+    mean_flow_target,
+    mean_pressure_target,
+    ratio_target,
+    systolic_target,
+    waveform_target,
 )
 from calibration.vascular import FreeParameters, VesselFit, calibrate_vessels
 from calibration.vessel_record import (

@@ -1,5 +1,15 @@
 """Tuning of models to a patient: resistances, the scale factor alpha, fits, batch sweeps."""
 
+from calibration.alpha import (
+    AlphaFit,
+    alpha_closed_form,
+    alpha_sensitivities,
+    calibrate_alpha,
+    mean_aortic_pressure,
+    require_feasible,
+    with_alpha,
+)
+from calibration.bisection import bisect_alpha, ratio_after_cycles, ratio_of_periodic_state
 from calibration.fit import fit, fit_batch, stacked
 from calibration.free_parameter import FreeParameter
 from calibration.gauss_newton import DampedGaussNewton
@@ -17,6 +27,15 @@ from calibration.reduced_law import (
     contraction_coefficient,
     lumen_law,
     lumen_losses,
+)
+from calibration.sweep import (
+    Calibrations,
+    Sweep,
+    calibrate_many,
+    grid,
+    map_cases,
+    simulate_many,
+    sweep_alpha,
 )
 from calibration.targets import (
     Experiment,

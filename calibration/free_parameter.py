@@ -6,7 +6,7 @@ Three variables for each parameter:
     u   the scaled variable: log x, or x in units of its own size; statistics live here
     y   the unbounded variable of the solver
 
-Bounds are a smooth map u(y), as in MINUIT (James & Roos 1975, Comput Phys Commun 10:343, sec. 4):
+Bounds are a smooth map u(y), as in MINUIT (James & Roos 1975, Comput Phys Commun 10:343):
 
     both bounds     u = (a + b)/2 + (b − a)/2 sin y
     lower bound     u = a + √(1 + y²) − 1          (upper bound: mirrored)

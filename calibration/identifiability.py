@@ -5,8 +5,7 @@ in units of its size) let J = ∂r/∂u = U S Vᵀ. Along the direction v_k of u
 parameters to ±1/s_k; where s_k = 0 they say nothing, and any multiple of v_k may be added. The
 covariance of the Laplace approximation is (JᵀJ)⁻¹ = V S⁻² Vᵀ.
 
-Source: Bard 1974, Nonlinear Parameter Estimation, sec. 7-10 and 7-17; the choice of reference
-parameters is the pivoted elimination of Golub & Van Loan 2013, sec. 5.4.2.
+Source: Bard 1974, Nonlinear Parameter Estimation, chapter 7; the choice of reference parameters is the pivoted elimination of Golub & Van Loan 2013, sec. 5.4.2.
 """
 
 from collections.abc import Sequence
@@ -259,7 +258,7 @@ class RatioIdentifiability(eqx.Module):
         total = slope["R_1"] + slope["R_2"] + slope["R_3"]
         is_divider = np.allclose([slope["R0"], total], [-slope["alpha"], slope["alpha"]], atol=1e-9)
         lines = []
-        if is_divider:
+        if is_divider and abs(slope["alpha"]) > PRESENT:
             lines.append(
                 "The ratio determines only alpha · R_total / R0 with R_total = R_1 + R_2 + R_3: "
                 "R0, alpha and the shares of R_1, R_2, R_3 cannot be told apart."

@@ -19,8 +19,11 @@ from lumped.periodic_nonlinear import Cycles, Shooting
 from lumped.periodic_solution import (
     AbstractPeriodicSolver,
     PeriodicSolution,
+    averaged,
     mean_state,
     raise_unless_successful,
+    steady_state,
+    waveform_mean,
 )
 from lumped.sources import FlowSource, PressureSource
 from lumped.statespace import StateSpace, algebraic, field, is_index_one, state_space

@@ -66,10 +66,6 @@ class Resistance(AbstractElement):
         """Pressure outside the walls of the states."""
         return jnp.zeros(0)
 
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """Functions of time inside the block."""
-        return ()
-
 
 class RC(AbstractElement):
     """Two-element Windkessel: a compliance beside a resistance.
@@ -124,10 +120,6 @@ class RC(AbstractElement):
     def external_pressure(self, t: Parameter) -> Float[Array, " 1"]:
         """Pressure outside the walls of the states."""
         return jnp.zeros(1)
-
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """Functions of time inside the block."""
-        return ()
 
 
 class RCR(AbstractElement):
@@ -191,10 +183,6 @@ class RCR(AbstractElement):
     def external_pressure(self, t: Parameter) -> Float[Array, " 1"]:
         """Pressure outside the walls of the states."""
         return jnp.zeros(1)
-
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """Functions of time inside the block."""
-        return ()
 
 
 class RCRL(AbstractElement):
@@ -260,10 +248,6 @@ class RCRL(AbstractElement):
     def external_pressure(self, t: Parameter) -> Float[Array, " 2"]:
         """Pressure outside the walls of the states."""
         return jnp.zeros(2)
-
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """Functions of time inside the block."""
-        return ()
 
 
 class Coronary(AbstractElement):
@@ -340,10 +324,6 @@ class Coronary(AbstractElement):
     def external_pressure(self, t: Parameter) -> Float[Array, " 2"]:
         """Pressure outside the walls of the states."""
         return jnp.stack([jnp.zeros(()), self.im_factor * self.P_im(t)])
-
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """Functions of time inside the block."""
-        return (self.P_im,)
 
     @property
     def R_total(self) -> Parameter:

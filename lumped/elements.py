@@ -17,7 +17,6 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from lumped.parameters import Parameter
-from lumped.waveforms import AbstractWaveform
 
 if TYPE_CHECKING:
     from typing import ClassVar as AbstractClassVar
@@ -38,7 +37,7 @@ class AbstractElement(eqx.Module):
     @property
     @abc.abstractmethod
     def is_linear(self) -> bool:
-        """Whether f and g are affine in (x, P, Q) with coefficients that do not change in time."""
+        """Whether f and g are affine in (x, P, Q) and in the element's waveforms together."""
 
     @abc.abstractmethod
     def mass(self) -> Float[Array, " n"]:
@@ -59,7 +58,3 @@ class AbstractElement(eqx.Module):
     @abc.abstractmethod
     def external_pressure(self, t: Parameter) -> Float[Array, " n"]:
         """Pressure outside each state's wall [dyn/cm²]: state + this = pressure; 0 for flows."""
-
-    @abc.abstractmethod
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """The functions of time inside the element; their breakpoints are the solvers' concern."""

@@ -13,6 +13,7 @@ their order (measured on the surrogate, 256 steps: 5e-7 against 1e-11).
 Source: Hairer & Wanner 1996, Solving Ordinary Differential Equations II, sec. IV.5 and VI.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -78,6 +79,7 @@ class Step(NamedTuple):
     defect: Float[Array, ""]
 
 
+@partial(jax.jit, static_argnames="order")
 def step(
     t: Parameter, dt: Parameter, network: Network, z: Float[Array, " m"], *, order: int
 ) -> Step:
@@ -95,38 +97,42 @@ def step(
     scheme, n, m = SCHEMES[order], network.n_states, network.n_unknowns
     stages = scheme.c.shape[0]
     times = t + dt * jnp.asarray(scheme.c)
-    coupling = jnp.asarray(scheme.inverse)[:, :, None] * (network.mass() / dt)
+    coupling = jnp.asarray(scheme.inverse)[:, :, None] * (network.mass() / dt)[None, None]
 
     def equations(Z):
         residual = jax.vmap(network.residual)(times, Z)
-        inertia = jnp.einsum("ijn,jn->in", coupling, Z[:, :n] - z[:n])
+        inertia = jnp.einsum("ijn,jn->in", coupling, Z[:, :n] - z[None, :n])
         return residual.at[:, :n].add(-inertia)
 
-    def newton(f, Z):
-        def correct(Z):
-            slope = jax.vmap(lambda t, z: jacobian(network, t, z))(times, Z)
-            return jnp.linalg.solve(_stage_matrix(slope, coupling), f(Z).reshape(-1)).reshape(
-                stages, m
-            )
+    def correction(Z):
+        slope = jax.vmap(lambda t, z: jacobian(network, t, z))(times, Z)
+        matrix = _stage_matrix(slope, coupling)
+        return jnp.linalg.solve(matrix, equations(Z).reshape(-1)).reshape(stages, m)
 
-        if network.is_linear:
-            return Z - correct(Z), jnp.zeros(())
-
-        def body(carry):
-            k, Z, _ = carry
-            correction = correct(Z)
-            return k + 1, Z - correction, jnp.max(jnp.abs(correction)) / jnp.max(jnp.abs(Z) + TINY)
-
-        def unfinished(carry):
-            k, _, size = carry
-            return (k < NEWTON_ITERATIONS) & (size > NEWTON_TOLERANCE)
-
-        _, Z, size = jax.lax.while_loop(unfinished, body, (0, Z, jnp.asarray(jnp.inf)))
-        return Z, size
-
-    guess = jnp.broadcast_to(z, (stages, m))
-    Z, defect = jax.lax.custom_root(equations, guess, newton, _tangent_solve, has_aux=True)
+    guess = jax.lax.stop_gradient(jnp.broadcast_to(z, (stages, m)))
+    if network.is_linear:
+        Z, defect = guess - correction(guess), jnp.zeros(())
+    else:
+        Z, defect = jax.lax.custom_root(
+            equations, guess, partial(_newton, correction), _tangent_solve, has_aux=True
+        )
     return Step(Z[-1], dt * jnp.asarray(scheme.weights) @ Z, jax.lax.stop_gradient(defect))
+
+
+def _newton(correction, _, Z):
+    """Newton's method on the stages; returns them and the relative size of the last correction."""
+
+    def body(carry):
+        k, Z, _ = carry
+        change = correction(Z)
+        return k + 1, Z - change, jnp.max(jnp.abs(change)) / jnp.max(jnp.abs(Z) + TINY)
+
+    def unfinished(carry):
+        k, _, size = carry
+        return (k < NEWTON_ITERATIONS) & (size > NEWTON_TOLERANCE)
+
+    _, Z, size = jax.lax.while_loop(unfinished, body, (0, Z, jnp.asarray(jnp.inf)))
+    return Z, size
 
 
 def _stage_matrix(
@@ -211,6 +217,6 @@ def aligned_times(
     each = -(-n_steps // stretches)
     share = jnp.arange(each) / each
     ts = (marks[:-1, None] + jnp.diff(marks)[:, None] * share[None, :]).reshape(-1)
-    starts = jnp.arange(cycles) * jnp.asarray(period, float)
+    starts = jnp.arange(cycles, dtype=float) * period
     every = (starts[:, None] + ts[None, :]).reshape(-1)
     return jnp.append(every, cycles * jnp.asarray(period, float))

@@ -9,7 +9,7 @@ Unknowns z = (states x of all elements, pressure of every node, flow of every po
 The assembler never asks which element it holds.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from lumped.elements import AbstractElement
 from lumped.parameters import Parameter
+from lumped.waveforms import AbstractWaveform, Constant
 
 
 class Network(eqx.Module):
@@ -85,17 +86,26 @@ class Network(eqx.Module):
             i_x, i_q = i_x + len(element.state_names), i_q + len(ports)
         return jnp.concatenate([*rates, *closures, jnp.stack([balance[node] for node in nodes])])
 
+    def waveforms(self) -> list[AbstractWaveform]:
+        """All functions of time inside the elements, in order."""
+        return [leaf for leaf in jax.tree.leaves(self, is_leaf=_is_waveform) if _is_waveform(leaf)]
+
+    def with_sources(self, values: Sequence[Parameter]) -> "Network":
+        """The network with its waveforms replaced by constants, in the order of `waveforms`."""
+        remaining = iter(values)
+
+        def replace(leaf: Any) -> Any:
+            return Constant(next(remaining)) if _is_waveform(leaf) else leaf
+
+        return jax.tree.map(replace, self, is_leaf=_is_waveform)
+
     def external_pressure(self, t: Parameter) -> Float[Array, " n"]:
         """Pressure outside the wall of each state [dyn/cm²]."""
         return jnp.concatenate([element.external_pressure(t) for element in self.elements])
 
     def breakpoints(self, period: Parameter) -> Float[Array, " k"]:
         """Breakpoints of all waveforms, folded into [0, period] and sorted, with both ends [s]."""
-        marks = [
-            jnp.mod(waveform.breakpoints(), period)
-            for element in self.elements
-            for waveform in element.waveforms()
-        ]
+        marks = [jnp.mod(waveform.breakpoints(), period) for waveform in self.waveforms()]
         ends = [jnp.zeros(1), jnp.reshape(jnp.asarray(period, float), (1,))]
         return jnp.sort(jnp.concatenate([*ends, *marks]))
 
@@ -120,6 +130,10 @@ class Network(eqx.Module):
         if name not in self.names:
             raise KeyError(f"No element '{name}'. The network has {', '.join(self.names)}.")
         return self.names.index(name)
+
+
+def _is_waveform(leaf: Any) -> bool:
+    return isinstance(leaf, AbstractWaveform)
 
 
 def connect(elements: Mapping[str, tuple[Any, ...]]) -> Network:

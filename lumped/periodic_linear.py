@@ -8,6 +8,7 @@ import optimistix as optx
 from jax.scipy.linalg import expm
 from jaxtyping import Array, Float
 
+from lumped.harmonics import from_harmonics, to_harmonics
 from lumped.march import aligned_times, march
 from lumped.network import Network, jacobian
 from lumped.parameters import Parameter
@@ -25,7 +26,7 @@ SMALL = 6
 
 
 class Fourier(AbstractPeriodicSolver):
-    """Harmonics of a linear network, (i ω_k I − A) x̂_k = B ĥ_k; the mean is exact.
+    """Harmonics of a linear network, (i ω_k I − A) x̂_k = B v̂_k; the mean is exact.
 
     The fast choice for batches. Where sources have slope kinks the error falls only with the
     square of the number of samples; `error_estimate` is the sum of the upper half of the spectrum.
@@ -45,25 +46,26 @@ class Fourier(AbstractPeriodicSolver):
         Raises:
             ValueError: the network is nonlinear or, with `reduce`, not of index 1.
         """
-        t = jnp.arange(self.n_samples) * (period / self.n_samples)
-        omega = 2.0 * jnp.pi * jnp.arange(self.n_samples // 2 + 1) / period
+        t = jnp.arange(self.n_samples) / self.n_samples * period
+        omega = 2.0 * jnp.pi / period * jnp.arange(self.n_samples // 2 + 1, dtype=float)
         mean = mean_state(network, period)
+        first = (self.n_samples * mean).astype(complex)
         if self.reduce:
             system = state_space(network)
-            h = system.forcing(t)
-            x_hat = _reduced_harmonics(system, omega, jnp.fft.rfft(h, axis=0))
-            x_hat = [x.at[0].set(self.n_samples * mean[i]) for i, x in enumerate(x_hat)]
-            x = [jnp.fft.irfft(row, n=self.n_samples) for row in x_hat]
-            z = jnp.stack([*x, *_algebraic_rows(system, x, h)], axis=1)
+            v = system.sources(t)
+            x_hat = _reduced_harmonics(system, omega, to_harmonics(v))
+            x_hat = [x.at[0].set(first[i]) for i, x in enumerate(x_hat)]
+            x = [from_harmonics(row, self.n_samples) for row in x_hat]
+            z = jnp.stack([*x, *_algebraic_rows(system, x, v)], axis=1)
             monodromy = expm(system.A * period)
         else:
             if not network.is_linear:
                 raise ValueError("A network with a quadratic loss has no harmonics. Use Shooting.")
             zero = jnp.zeros(network.n_unknowns)
             h = jax.vmap(lambda s: network.residual(s, zero))(t)
-            z_hat = _full_harmonics(network, omega, jnp.fft.rfft(h, axis=0))
-            z_hat = z_hat.at[0].set(self.n_samples * mean)
-            z = jnp.fft.irfft(z_hat, n=self.n_samples, axis=0)
+            z_hat = _full_harmonics(network, omega, to_harmonics(h))
+            z_hat = z_hat.at[0].set(first)
+            z = jax.vmap(from_harmonics, (1, None), 1)(z_hat, self.n_samples)
             x_hat = [z_hat[:, i] for i in range(network.n_states)]
             monodromy = _monodromy_by_march(network, period)
         return PeriodicSolution(
@@ -79,27 +81,32 @@ class Fourier(AbstractPeriodicSolver):
         )
 
 
-def _reduced_harmonics(system: StateSpace, omega: Float[Array, " f"], h_hat: Array) -> list[Array]:
-    """Solve (iω I − A) x̂ = B ĥ at all frequencies; a list of rows so that unused ones vanish."""
-    n, m = system.B.shape
-    forcing = [sum(system.B[i, j] * h_hat[:, j] for j in range(m)) for i in range(n)]
+def _reduced_harmonics(system: StateSpace, omega: Float[Array, " f"], v_hat: Array) -> list[Array]:
+    """Solve (iω I − A) x̂ = B v̂ at all frequencies; a list of rows so that unused ones vanish."""
+    n, k = system.B.shape
     if n == 0:
         return []
-    b = jnp.stack(forcing)
-    diagonal = 1j * omega[None, None, :] * jnp.eye(n)[:, :, None]
-    matrix = diagonal - system.A[:, :, None]
+    real, imag = (
+        [sum(system.B[i, j] * part[:, j] for j in range(k)) for i in range(n)]
+        for part in (v_hat.real, v_hat.imag)
+    )
+    b = jax.lax.complex(jnp.stack(real), jnp.stack(imag))
+    matrix = jax.lax.complex(
+        jnp.broadcast_to(-system.A[:, :, None], (n, n, omega.shape[0])),
+        jnp.eye(n)[:, :, None] * omega[None, None, :],
+    )
     if n <= SMALL:
-        return list(solve_small(matrix, b.astype(matrix.dtype)))
+        return list(solve_small(matrix, b))
     solved = jnp.linalg.solve(jnp.moveaxis(matrix, 2, 0), jnp.moveaxis(b, 1, 0)[..., None])
     return list(jnp.moveaxis(solved[..., 0], 0, 1))
 
 
-def _algebraic_rows(system: StateSpace, x: list[Array], h: Array) -> list[Array]:
+def _algebraic_rows(system: StateSpace, x: list[Array], v: Array) -> list[Array]:
     """W = C x + D h, row by row: rows nobody reads are removed by the compiler."""
-    a, m = system.D.shape
+    a, k = system.D.shape
     return [
-        sum((system.C[i, j] * x[j] for j in range(len(x))), jnp.zeros(h.shape[0]))
-        + sum(system.D[i, j] * h[:, j] for j in range(m))
+        sum((system.C[i, j] * x[j] for j in range(len(x))), jnp.zeros(v.shape[0]))
+        + sum(system.D[i, j] * v[:, j] for j in range(k))
         for i in range(a)
     ]
 
@@ -108,7 +115,9 @@ def _full_harmonics(network: Network, omega: Float[Array, " f"], h_hat: Array) -
     n, m = network.n_states, network.n_unknowns
     H = jacobian(network, 0.0, jnp.zeros(m))
     M = jnp.zeros((m, m)).at[:n, :n].set(jnp.diag(network.mass()))
-    pencil = 1j * omega[1:, None, None] * M[None] - H[None]
+    pencil = jax.lax.complex(
+        jnp.broadcast_to(-H, (omega.shape[0] - 1, m, m)), omega[1:, None, None] * M[None]
+    )
     solved = jnp.linalg.solve(pencil, h_hat[1:, :, None])[..., 0]
     return jnp.concatenate([jnp.zeros_like(solved[:1]), solved])
 
@@ -137,9 +146,9 @@ def _spectral_tail(x_hat: list[Array], n_samples: int) -> Float[Array, ""]:
 class Propagator(AbstractPeriodicSolver):
     """Exact propagation of a linear network with its sources interpolated between breakpoints.
 
-    Over a step of length h, with B h(t) interpolated at q Gauss nodes c_j,
+    Over a step of length h, with B v(t) interpolated at q Gauss nodes c_j,
 
-        x(t + h) = exp(A h) x(t) + Σ_j W_j B h(t + c_j h),
+        x(t + h) = exp(A h) x(t) + Σ_j W_j B v(t + c_j h),
         W_j = ∫₀ʰ exp(A (h − s)) ℓ_j(s) ds = h Σ_m φ_{m+1}(A h) (V⁻¹)_{mj},
 
     and the periodic start solves (I − Φ) x₀ = (state after a cycle from rest). No stability limit,
@@ -166,9 +175,9 @@ class Propagator(AbstractPeriodicSolver):
         x, monodromy = _propagate(system, ts, stretches)
         coarse_ts = aligned_times(network, period, self.n_steps // 2)
         coarse, _ = _propagate(system, coarse_ts, stretches)
-        forcing = system.forcing(ts[:-1])
+        v = system.sources(ts[:-1])
         columns = [x[:-1, i] for i in range(x.shape[1])]
-        z = jnp.stack([*columns, *_algebraic_rows(system, columns, forcing)], axis=1)
+        z = jnp.stack([*columns, *_algebraic_rows(system, columns, v)], axis=1)
         return PeriodicSolution(
             t=ts[:-1],
             z=z,
@@ -195,8 +204,8 @@ def _propagate(
     dt = (ts[1:] - ts[:-1]).reshape(stretches, each)[:, 0]
     nodes = 0.5 * (1.0 + np.polynomial.legendre.leggauss(_NODES)[0])
     Phi, W = jax.vmap(lambda h: _step_matrices(system.A, h, nodes))(dt)
-    at = (starts[..., None] + dt[:, None, None] * jnp.asarray(nodes)).reshape(-1)
-    u = (system.forcing(at) @ system.B.T).reshape(stretches, each, _NODES, n)
+    at = (starts[..., None] + dt[:, None, None] * jnp.asarray(nodes)[None, None]).reshape(-1)
+    u = (system.sources(at) @ system.B.T).reshape(stretches, each, _NODES, n)
     push = jnp.einsum("sjab,skjb->ska", W, u).reshape(-1, n)
     which = jnp.repeat(jnp.arange(stretches), each)
 

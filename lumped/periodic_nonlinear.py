@@ -42,12 +42,16 @@ class Shooting(AbstractPeriodicSolver):
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state; also of networks of index 2 (not with a vector field)."""
         n = network.n_states
-        guess = mean_state(network, period)
-        scale = jax.lax.stop_gradient(jnp.max(jnp.abs(guess)) + 1e-300)
+        guess = jax.lax.stop_gradient(mean_state(network, period))
+        scale = jnp.max(jnp.abs(guess)) + 1e-300
+
+        def cycle(x: Float[Array, " n"], args: Any, n_steps: int) -> Trajectory:
+            model, T = args
+            ts = aligned_times(model, T, n_steps)
+            return march(ts, model, jnp.concatenate([x, guess[n:]]), order=self.order)
 
         def mismatch(xi: Float[Array, " n"], args: Any) -> Float[Array, " n"]:
-            model, T = args
-            return self.cycle(model, T, xi * scale).z[-1, :n] / scale - xi
+            return cycle(xi * scale, args, self.n_steps).z[-1, :n] / scale - xi
 
         newton = optx.Newton(rtol=self.tolerance, atol=self.tolerance)
         args = (network, jnp.asarray(period, float))
@@ -55,16 +59,11 @@ class Shooting(AbstractPeriodicSolver):
             mismatch, newton, guess[:n] / scale, args, max_steps=self.max_iterations, throw=False
         )
         x0 = solution.value * scale
-        path = self.cycle(network, period, x0)
-        coarse = march(
-            aligned_times(network, period, self.n_steps // 2),
-            network,
-            _with_guess(network, period, x0),
-            order=self.order,
-        )
+        path = cycle(x0, args, self.n_steps)
+        coarse = cycle(x0, args, self.n_steps // 2)
         # before the first step only the states are known: the cycle's end is the same instant
         z = jnp.where((path.t <= 0.0)[:, None], path.z[-1], path.z)[:-1]
-        monodromy = jax.jacfwd(lambda x: self.cycle(network, period, x).z[-1, :n])(
+        monodromy = jax.jacfwd(lambda x: cycle(x, args, self.n_steps).z[-1, :n])(
             jax.lax.stop_gradient(x0)
         )
         return PeriodicSolution(
@@ -80,16 +79,6 @@ class Shooting(AbstractPeriodicSolver):
             result=solution.result,
             network=network,
         )
-
-    def cycle(self, network: Network, period: Parameter, x0: Float[Array, " n"]) -> Trajectory:
-        """March one cycle from states x₀."""
-        ts = aligned_times(network, period, self.n_steps)
-        return march(ts, network, _with_guess(network, period, x0), order=self.order)
-
-
-def _with_guess(network: Network, period: Parameter, x0: Float[Array, " n"]) -> Array:
-    """States completed by a first guess of the algebraic unknowns."""
-    return jnp.concatenate([x0, mean_state(network, period)[network.n_states :]])
 
 
 class Cycles(AbstractPeriodicSolver):

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from lumped.network import Network, jacobian
 from lumped.parameters import Parameter, is_traced
+from lumped.waveforms import AbstractWaveform
 
 GAUSS_NODES = 48
 """Quadrature nodes a stretch between breakpoints, for the mean of the sources."""
@@ -116,15 +117,37 @@ def raise_unless_successful(result: optx.RESULTS, cure: str) -> None:
     raise RuntimeError(f"No solution was found: {cause or 'the solver did not converge.'} {cure}")
 
 
-def mean_forcing(network: Network, period: Parameter) -> Float[Array, " m"]:
-    """Cycle mean of residual(t, 0), by Gauss–Legendre quadrature between breakpoints."""
+def waveform_mean(waveform: AbstractWaveform, period: Parameter) -> Array:
+    """Mean of a waveform over a period, by Gauss–Legendre quadrature between its breakpoints."""
     nodes, weights = np.polynomial.legendre.leggauss(GAUSS_NODES)
-    marks = network.breakpoints(period)
+    T = jnp.reshape(jnp.asarray(period, float), (1,))
+    marks = jnp.sort(jnp.concatenate([jnp.zeros(1), jnp.mod(waveform.breakpoints(), T), T]))
     half = 0.5 * jnp.diff(marks)
     ts = marks[:-1, None] + half[:, None] * (1.0 + jnp.asarray(nodes)[None, :])
+    values = jax.vmap(jax.vmap(waveform))(ts)
+    return jnp.einsum("s,q,sq->", half, jnp.asarray(weights), values) / period
+
+
+def averaged(network: Network, period: Parameter) -> Network:
+    """The network with every waveform replaced by its mean: the direct-current network."""
+    return network.with_sources([waveform_mean(w, period) for w in network.waveforms()])
+
+
+def steady_state(network: Network) -> Float[Array, " m"]:
+    """Unknowns of a network at rest under constant sources, residual(z) = 0.
+
+    One linear solve for linear networks; Newton's method, without derivatives, for others.
+    """
     zero = jnp.zeros(network.n_unknowns)
-    h = jax.vmap(jax.vmap(lambda t: network.residual(t, zero)))(ts)
-    return jnp.einsum("s,q,sqm->m", half, jnp.asarray(weights), h) / period
+    if network.is_linear:
+        return jnp.linalg.solve(jacobian(network, 0.0, zero), -network.residual(0.0, zero))
+
+    def newton(_: Any, z: Array) -> Array:
+        return z - jnp.linalg.solve(jacobian(network, 0.0, z), network.residual(0.0, z))
+
+    start = zero + 1.0  # at rest a quadratic loss has no slope
+    z = jax.lax.fori_loop(0, 12, newton, start)
+    return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))
 
 
 def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
@@ -133,16 +156,4 @@ def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
     For a nonlinear network it is the steady state under the mean of the sources, which is not the
     mean of its periodic state but a good place to start from.
     """
-    forcing = mean_forcing(network, period)
-    zero = jnp.zeros(network.n_unknowns)
-    origin = network.residual(0.0, zero)
-
-    def steady(z):
-        return network.residual(0.0, z) - origin + forcing
-
-    if network.is_linear:
-        return jnp.linalg.solve(jacobian(network, 0.0, zero), -forcing)
-    z = zero + 1.0  # at rest a quadratic loss has no slope
-    for _ in range(12):
-        z = z - jnp.linalg.solve(jax.jacfwd(steady)(z), steady(z))
-    return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))
+    return steady_state(averaged(network, period))

@@ -58,10 +58,6 @@ class PressureSource(AbstractElement):
         """Empty."""
         return jnp.zeros(0)
 
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """The prescribed pressure."""
-        return (self.waveform,)
-
 
 class FlowSource(AbstractElement):
     """Prescribes the flow that enters the network at its node.
@@ -110,7 +106,3 @@ class FlowSource(AbstractElement):
     def external_pressure(self, t: Parameter) -> Float[Array, " 0"]:
         """Empty."""
         return jnp.zeros(0)
-
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """The prescribed flow."""
-        return (self.waveform,)

@@ -3,9 +3,9 @@
 Index-1 networks only: the closures must determine node pressures and port flows from the states.
 For linear networks the elimination is done once,
 
-    ẋ = A x + B h(t),     w = C x + D h(t),     h(t) = residual(t, 0),
+    ẋ = A x + B v(t),     w = C x + D v(t),     v(t) = (1, waveforms of the network at t),
 
-w being the algebraic unknowns (node pressures, then port flows) and h the sources' forcing.
+w being the algebraic unknowns (node pressures, then port flows).
 """
 
 from collections.abc import Callable
@@ -27,24 +27,33 @@ class StateSpace(eqx.Module):
 
     Attributes:
         A: state matrix [1/s], shape (n, n).
-        B: forcing of the states, shape (n, m).
+        B: sources to states, shape (n, k).
         C: states to algebraic unknowns, shape (a, n).
-        D: forcing of the algebraic unknowns, shape (a, m).
-        network: the network, for its forcing.
+        D: sources to algebraic unknowns, shape (a, k).
+        network: the network, for its waveforms.
     """
 
     A: Float[Array, "n n"]
-    B: Float[Array, "n m"]
+    B: Float[Array, "n k"]
     C: Float[Array, "a n"]
-    D: Float[Array, "a m"]
+    D: Float[Array, "a k"]
     network: Network
 
-    def forcing(self, t: Float[Array, " k"]) -> Float[Array, "k m"]:
-        """h(t) at several times [s]."""
-        return jax.vmap(lambda s: self.network.residual(s, self._zero()))(t)
+    def sources(self, t: Float[Array, " s"]) -> Float[Array, "s k"]:
+        """v(t) at several times [s]."""
+        rows = [jax.vmap(waveform)(t) for waveform in self.network.waveforms()]
+        return jnp.stack([jnp.ones(t.shape[0]), *rows], axis=1)
 
-    def _zero(self) -> Array:
-        return jnp.zeros(self.network.n_unknowns)
+
+def forcing_matrix(network: Network) -> Float[Array, "m k"]:
+    """E of a linear network's residual(t, 0) = E v(t), v(t) = (1, waveforms at t)."""
+
+    def forcing(values):
+        zero = jnp.zeros(network.n_unknowns)
+        return network.with_sources(list(values)).residual(0.0, zero)
+
+    silent = jnp.zeros(len(network.waveforms()))
+    return jnp.concatenate([forcing(silent)[:, None], jax.jacfwd(forcing)(silent)], axis=1)
 
 
 def state_space(network: Network) -> StateSpace:
@@ -64,10 +73,9 @@ def state_space(network: Network) -> StateSpace:
     G_x, G_w = H[n:, :n], H[n:, n:]
     _require_index_one(network, G_w)
     inverse = jnp.linalg.inv(G_w)
-    C = -inverse @ G_x
-    D = jnp.concatenate([jnp.zeros((inverse.shape[0], n)), -inverse], axis=1)
-    own = jnp.concatenate([jnp.diag(1.0 / mass[:, 0]), jnp.zeros((n, inverse.shape[0]))], axis=1)
-    return StateSpace(A=F_x + F_w @ C, B=own + F_w @ D, C=C, D=D, network=network)
+    E = forcing_matrix(network)
+    C, D = -inverse @ G_x, -inverse @ E[n:]
+    return StateSpace(A=F_x + F_w @ C, B=E[:n] / mass + F_w @ D, C=C, D=D, network=network)
 
 
 def is_index_one(network: Network) -> bool:

@@ -4,7 +4,7 @@ A compliance or inertance that is `None` is not there: its state disappears, so 
 field never divides by zero. An array of zeros is refused for the same reason.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,12 +12,11 @@ from jaxtyping import Array, Float
 
 from lumped.elements import AbstractElement
 from lumped.parameters import Parameter, check_range, parameter, real
-from lumped.waveforms import AbstractWaveform
 
 Ports = Float[Array, " 2"]
 
 
-def optional_parameter() -> Parameter | None:
+def optional_parameter() -> Any:
     """Declare a parameter that may be absent (None)."""
     return eqx.field(converter=lambda v: None if v is None else real(v), default=None)
 
@@ -103,10 +102,6 @@ class Vessel(AbstractElement):
         """Nothing outside."""
         return jnp.zeros(len(self.state_names))
 
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """None."""
-        return ()
-
 
 class VesselCRL(AbstractElement):
     """A vessel segment with its compliance at the inlet: compliance, resistance, inertance.
@@ -175,10 +170,6 @@ class VesselCRL(AbstractElement):
     def external_pressure(self, t: Parameter) -> Float[Array, " n"]:
         """Nothing outside."""
         return jnp.zeros(len(self.state_names))
-
-    def waveforms(self) -> tuple[AbstractWaveform, ...]:
-        """None."""
-        return ()
 
 
 def _state_names(C: Parameter | None, L: Parameter | None) -> tuple[str, ...]:

@@ -135,7 +135,9 @@ def transfer_impedance(block: AbstractElement, omega: Float[Array, " k"]) -> Com
     M = jnp.zeros((m, m)).at[:n, :n].set(jnp.diag(network.mass()))
     # a unit flow enters the closure of the source: Q + 1 = 0, the first row after the states
     unit = jnp.zeros(m, dtype=complex).at[n].set(1.0)
-    pencil = 1j * omega[:, None, None] * M[None] - H[None]
+    pencil = jax.lax.complex(
+        jnp.broadcast_to(-H, (omega.shape[0], m, m)), omega[:, None, None] * M[None]
+    )
     z = jnp.linalg.solve(pencil, jnp.broadcast_to(unit, (omega.shape[0], m))[..., None])[..., 0]
     return z[:, network.pressure_index("port")]
 

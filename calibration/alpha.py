@@ -1,0 +1,269 @@
+"""The scale factor α of the coronary resistances, from the measured resting pressure ratio.
+
+Three ways, one answer:
+
+- `alpha_closed_form`, exact for the linear surrogate (lumped.surrogate states the theorem):
+  α = R0 d / ((1 − d) R_total),  d = (r P̄ − P_venous)/(P̄ − P_venous),  P̄ = mean aortic pressure;
+- `calibrate_alpha`, Newton's method on 1/α ↦ 1/ratio, which is affine for the linear surrogate
+  without venous pressure (two steps), and nearly so with a quadratic loss. There the periodic state
+  and α are found together. Its derivatives follow the implicit-function theorem;
+- `calibration.bisection`, the paper's method, kept as a check.
+
+Source: Puelz et al. 2024, algorithm 1.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from lumped import (
+    Condition,
+    Network,
+    Shooting,
+    Surrogate,
+    aligned_times,
+    averaged,
+    march,
+    mean_state,
+    raise_unless_successful,
+    scale_resistances,
+    steady_state,
+    waveform_mean,
+)
+from lumped.parameters import Parameter, is_traced
+from lumped.sources import PressureSource
+
+TOLERANCE = 1e-13
+"""Of 1/α and 1/ratio, relative; Newton's last step is quadratic, so this is round-off."""
+
+MAX_STEPS = 32
+
+
+class AlphaFit(eqx.Module):
+    """A calibrated scale factor.
+
+    Attributes:
+        alpha: scale of R_1, R_2 and R_3 [-].
+        ratio: pressure ratio reached [-].
+        iterations: steps or model evaluations taken.
+        result: `optimistix.RESULTS`.
+    """
+
+    alpha: Float[Array, ""]
+    ratio: Float[Array, ""]
+    iterations: Any
+    result: optx.RESULTS
+
+
+def with_alpha(network: Network, alpha: Parameter) -> Network:
+    """A surrogate's network with the resistances of its coronary bed multiplied by α."""
+    k = network.names.index("coronary")
+    bed = scale_resistances(network.elements[k], alpha)
+    return eqx.tree_at(lambda n: n.elements[k], network, bed)
+
+
+def mean_aortic_pressure(surrogate: Surrogate, condition: Condition) -> Array:
+    """Cycle mean of the aortic pressure of a condition [dyn/cm²]."""
+    source = surrogate.network(condition)["inlet"]
+    assert isinstance(source, PressureSource)
+    return waveform_mean(source.waveform, condition.period)
+
+
+def require_feasible(surrogate: Surrogate, condition: Condition, target: Parameter) -> None:
+    """Refuse a ratio that no scale factor can reach (concrete values only).
+
+    Raises:
+        ValueError: cause and cure.
+    """
+    if is_traced(target, *jax.tree.leaves((surrogate, condition))):
+        return
+    R0, ratio = np.asarray(surrogate.R0), np.asarray(target)
+    if np.any(ratio >= 1.0):
+        raise ValueError(
+            f"A pressure ratio of {np.max(ratio):g} cannot be reached: with any resistance "
+            "upstream the distal mean lies below the aortic one. A measured value of 1 or more "
+            "means no obstruction, or drift of the pressure wire: check the equalisation."
+        )
+    if np.any(R0 <= 0.0) and surrogate.K is None:
+        raise ValueError(
+            f"R0 = {np.min(R0):g} dyn·s/cm⁵ must be positive: without upstream resistance the "
+            "ratio is 1 for every scale factor. Give R0 from a ramp or from the lumen."
+        )
+    floor = surrogate.coronary.P_venous / mean_aortic_pressure(surrogate, condition)
+    if np.any(ratio <= np.asarray(floor)) or np.any(ratio <= 0.0):
+        raise ValueError(
+            f"A pressure ratio of {np.min(ratio):g} cannot be reached: even without coronary "
+            f"resistance the venous pressure keeps it above {np.max(np.asarray(floor)):g}. "
+            "Check the ratio and P_venous."
+        )
+
+
+def alpha_closed_form(
+    surrogate: Surrogate, condition: Condition, target: Parameter
+) -> Float[Array, ""]:
+    """α of the linear surrogate in closed form; `surrogate.alpha` and `surrogate.K` are not used.
+
+    Args:
+        surrogate: R0 [dyn·s/cm⁵], the coronary bed at α = 1 and its venous pressure.
+        condition: the resting condition; matters only with a venous pressure.
+        target: measured resting pressure ratio, below 1.
+    """
+    P_mean = mean_aortic_pressure(surrogate, condition)
+    P_venous = surrogate.coronary.P_venous
+    d = (target * P_mean - P_venous) / (P_mean - P_venous)
+    return surrogate.R0 * d / ((1.0 - d) * surrogate.coronary.R_total)
+
+
+def calibrate_alpha(
+    surrogate: Surrogate,
+    condition: Condition,
+    target: Parameter,
+    *,
+    solver: Shooting | None = None,
+    throw: bool = True,
+) -> AlphaFit:
+    """Find α such that the surrogate's pressure ratio is the measured one.
+
+    Differentiable in all leaves of the surrogate and the condition and in the target; jit and
+    vmap it for batches (`calibrate_many`).
+
+    Args:
+        surrogate: the patient; its own `alpha` is not used.
+        condition: the resting condition.
+        target: measured resting pressure ratio.
+        solver: how to march the cycle of a surrogate with quadratic loss; unused without.
+        throw: raise when the root finder fails (outside jit). With False look at `result`.
+
+    Returns:
+        α, the ratio it gives, steps taken and the result code.
+
+    Raises:
+        ValueError: no α can reach the ratio (outside jit).
+        RuntimeError: Newton's method did not converge.
+    """
+    require_feasible(surrogate, condition, target)
+    fit = _calibrate(surrogate, condition, jnp.asarray(target, float), solver or Shooting())
+    if throw:
+        raise_unless_successful(
+            fit.result, "Check R0, K and the ratio, or bracket α with `bisect_alpha`."
+        )
+    return fit
+
+
+@eqx.filter_jit
+def _calibrate(
+    surrogate: Surrogate, condition: Condition, target: Array, solver: Shooting
+) -> AlphaFit:
+    nominal = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.ones(()))
+    network = nominal.network(condition)
+    if network.is_linear:
+        return _calibrate_linear(network, condition.period, target)
+    return _calibrate_nonlinear(network, condition.period, target, solver)
+
+
+def _calibrate_linear(network: Network, period: Parameter, target: Array) -> AlphaFit:
+    """Newton on 1/α ↦ 1/ratio of the direct-current network."""
+    direct = averaged(network, period)
+    aorta, distal = network.pressure_index("aorta"), network.pressure_index("distal")
+
+    def ratio(inverse_alpha, model):
+        z = steady_state(with_alpha(model, 1.0 / inverse_alpha))
+        return z[distal] / z[aorta]
+
+    def mismatch(inverse_alpha, args):
+        model, goal = args
+        return 1.0 / ratio(inverse_alpha, model) - 1.0 / goal
+
+    newton = optx.Newton(rtol=TOLERANCE, atol=TOLERANCE)
+    guess = jax.lax.stop_gradient(1.0 / _steady_alpha(network, direct, target))
+    solution = optx.root_find(
+        mismatch, newton, guess, (direct, target), max_steps=MAX_STEPS, throw=False
+    )
+    return AlphaFit(
+        alpha=1.0 / solution.value,
+        ratio=ratio(solution.value, direct),
+        iterations=solution.stats["num_steps"],
+        result=solution.result,
+    )
+
+
+def _steady_alpha(network: Network, direct: Network, target: Array) -> Array:
+    """α under steady flow: the drop (1 − r) P̄ = R0 Q + K Q² gives Q, the bed takes the rest."""
+    ostium: Any = network["ostium"]
+    bed: Any = network["coronary"]
+    source: Any = direct["inlet"]
+    P_mean = source.waveform(0.0)
+    drop = (1.0 - target) * P_mean
+    R0 = ostium.R_viscous
+    K = 0.0 if ostium.K_stenosis is None else ostium.K_stenosis
+    # stable for K → 0, where the quadratic formula cancels
+    Q = 2.0 * drop / (R0 + jnp.sqrt(R0**2 + 4.0 * K * drop))
+    return (target * P_mean - bed.P_venous) / (Q * bed.R_total)
+
+
+def _calibrate_nonlinear(
+    network: Network, period: Parameter, target: Array, solver: Shooting
+) -> AlphaFit:
+    """Newton on the periodic start x₀ and 1/α together; one marched cycle an evaluation."""
+    n = network.n_states
+    aorta, distal = network.pressure_index("aorta"), network.pressure_index("distal")
+    fix = jax.lax.stop_gradient
+    alpha_0 = fix(_steady_alpha(network, averaged(network, period), target))
+    guess = fix(mean_state(with_alpha(network, alpha_0), period))
+    scale = jnp.max(jnp.abs(guess))
+
+    def evaluate(unknown, args):
+        model, T, _ = args
+        x = unknown[:n] * scale
+        ts = aligned_times(model, T, solver.n_steps)
+        start = jnp.concatenate([x, guess[n:]])
+        path = march(ts, with_alpha(model, alpha_0 / unknown[n]), start, order=solver.order)
+        return (path.z[-1, :n] - x) / scale, path.integral[distal] / path.integral[aorta]
+
+    def mismatch(unknown, args):
+        drift, ratio = evaluate(unknown, args)
+        return jnp.append(drift, 1.0 / ratio - 1.0 / args[2])
+
+    args = (network, jnp.asarray(period, float), target)
+    newton = optx.Newton(rtol=solver.tolerance, atol=solver.tolerance)
+    start = jnp.append(guess[:n] / scale, 1.0)
+    solution = optx.root_find(mismatch, newton, start, args, max_steps=MAX_STEPS, throw=False)
+    return AlphaFit(
+        alpha=alpha_0 / solution.value[n],
+        ratio=evaluate(solution.value, args)[1],
+        iterations=solution.stats["num_steps"],
+        result=solution.result,
+    )
+
+
+def alpha_sensitivities(
+    surrogate: Surrogate, condition: Condition, target: Parameter
+) -> dict[str, Float[Array, ""]]:
+    """Relative sensitivities d log α / d log p of the calibrated factor, for every datum p.
+
+    A parameter that is zero has no relative change and is given 0.
+
+    Returns:
+        By name: the target ratio, R0, C0, K where present, the five coronary parameters, P_venous,
+        im_factor and the pressures and period of the condition.
+    """
+
+    def log_alpha(data):
+        return jnp.log(calibrate_alpha(*data, throw=False).alpha)
+
+    data = (surrogate, condition, jnp.asarray(target, float))
+    g_surrogate, g_condition, g_target = eqx.filter_jit(jax.grad(log_alpha))(data)
+    pairs = {"ratio": (target, g_target)}
+    for name in ("R0", "C0", "K"):
+        if getattr(surrogate, name) is not None:
+            pairs[name] = (getattr(surrogate, name), getattr(g_surrogate, name))
+    for name in ("R_1", "R_2", "R_3", "C_a", "C_im", "P_venous", "im_factor"):
+        pairs[name] = (getattr(surrogate.coronary, name), getattr(g_surrogate.coronary, name))
+    for name in ("P_systolic", "P_diastolic", "period"):
+        pairs[name] = (getattr(condition, name), getattr(g_condition, name))
+    return {name: jnp.asarray(value * slope) for name, (value, slope) in pairs.items()}

@@ -1,0 +1,115 @@
+"""Bisection for α: the paper's method, kept as a reference for the Newton calibration.
+
+It halves a bracket of log α by the sign of ratio(α) − target. On the periodic state it is right to
+its tolerance; on a few cycles run from rest, as simulation codes are used, it is not: where the
+network remembers (large α) four cycles miss α by several per cent. `ratio_after_cycles` exists to
+show that.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from calibration.alpha import AlphaFit, require_feasible
+from lumped import (
+    AbstractPeriodicSolver,
+    Condition,
+    Surrogate,
+    aligned_times,
+    march,
+    pressure_ratio,
+    raise_unless_successful,
+    solve_periodic,
+)
+from lumped.parameters import Parameter
+
+RatioModel = Callable[[Surrogate, Condition], Array]
+
+
+def ratio_of_periodic_state(
+    surrogate: Surrogate, condition: Condition, *, solver: AbstractPeriodicSolver | None = None
+) -> Float[Array, ""]:
+    """Pressure ratio of the surrogate's periodic state."""
+    network = surrogate.network(condition)
+    return pressure_ratio(solve_periodic(network, condition.period, solver, throw=False))
+
+
+def ratio_after_cycles(
+    surrogate: Surrogate, condition: Condition, *, cycles: int = 4, n_steps: int = 200
+) -> Float[Array, ""]:
+    """Pressure ratio of the last of a few cycles run from diastolic pressure and no flow.
+
+    Backward Euler, as the established codes' lumped models are stepped; not converged.
+    """
+    network = surrogate.network(condition)
+    before = aligned_times(network, condition.period, n_steps, cycles=cycles - 1)
+    last = aligned_times(network, condition.period, n_steps)
+    start = jnp.zeros(network.n_unknowns).at[: network.n_states].set(condition.P_diastolic)
+    z = march(before, network, start, order=1).z[-1]
+    mean = march(last, network, z, order=1).integral
+    return mean[network.pressure_index("distal")] / mean[network.pressure_index("aorta")]
+
+
+def bisect_alpha(
+    surrogate: Surrogate,
+    condition: Condition,
+    target: Parameter,
+    *,
+    solver: AbstractPeriodicSolver | None = None,
+    bracket: tuple[float, float] = (1e-4, 1e4),
+    tolerance: float = 1e-12,
+    ratio: RatioModel | None = None,
+    throw: bool = True,
+) -> AlphaFit:
+    """Find α by bisection of log α.
+
+    Args:
+        surrogate: the patient; its own `alpha` is not used.
+        condition: the resting condition.
+        target: measured resting pressure ratio.
+        solver: for the periodic state; by default the one `solve_periodic` chooses.
+        bracket: α values whose ratios enclose the target.
+        tolerance: of log α.
+        ratio: another model of the ratio, for example `ratio_after_cycles`.
+        throw: raise when the bracket does not hold the root (outside jit).
+
+    Raises:
+        ValueError: no α can reach the ratio (outside jit).
+        RuntimeError: the bracket does not enclose the root.
+    """
+    require_feasible(surrogate, condition, target)
+
+    def model(patient, state):
+        if ratio is not None:
+            return ratio(patient, state)
+        return ratio_of_periodic_state(patient, state, solver=solver)
+
+    def mismatch(log_alpha, args):
+        patient, state, goal = args
+        patient = eqx.tree_at(lambda s: s.alpha, patient, jnp.exp(log_alpha))
+        return model(patient, state) - goal
+
+    low, high = jnp.log(jnp.asarray(bracket[0], float)), jnp.log(jnp.asarray(bracket[1], float))
+    args = (surrogate, condition, jnp.asarray(target, float))
+    # FFR rises with α: told so, optimistix bisects without raising inside jit, and a bracket
+    # without root ends at one of its ends, which the ratio reached gives away
+    bisection = optx.Bisection(rtol=tolerance, atol=tolerance, flip=False)
+    options = {"lower": low, "upper": high}
+    solution = optx.root_find(
+        mismatch, bisection, 0.5 * (low + high), args, options=options, max_steps=100, throw=False
+    )
+    missed = mismatch(solution.value, args)
+    result = optx.RESULTS.where(
+        jnp.abs(missed) < 1e-6, solution.result, optx.RESULTS.nonlinear_divergence
+    )
+    if throw:
+        raise_unless_successful(result, "Widen the bracket of α.")
+    return AlphaFit(
+        alpha=jnp.exp(solution.value),
+        ratio=missed + args[2],
+        iterations=solution.stats["num_steps"],
+        result=result,
+    )

@@ -166,11 +166,10 @@ def _attach_junction(config, junction, conditions, attach, layout: _Layout, faul
     if len(members) < 2:
         faults.append(f"junction {name}: joins {len(members)} element(s), must be two or more")
     centre = name
-    if len(members) == 2 and not any(branches):
-        single = [member for member, _ in members if member in conditions]
-        if len(single) == 1:  # the same node as that of a boundary condition set on a vessel
-            (first, side), (second, _) = members
-            centre = f"{first}:{second}" if side == INLET else f"{second}:{first}"
+    if [side for _, side in members] == [INLET, OUTLET] and not any(branches):
+        (first, _), (second, _) = members
+        if (first in conditions) != (second in conditions):
+            centre = f"{first}:{second}"  # as a boundary condition that is set on a vessel
     for (member, side), values in zip(members, branches, strict=True):
         node = centre
         if values:

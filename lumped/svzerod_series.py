@@ -84,10 +84,11 @@ def series_from_waveform(waveform: AbstractWaveform, period: float, *, samples: 
         return Series(ends, np.full(2, float(waveform(0.0))))
     if isinstance(waveform, Sampled) and waveform.slopes is None:
         t = _knots(waveform, period)
-    else:
-        uniform = np.linspace(0.0, period, samples + 1)
-        marks = np.asarray(waveform.breakpoints(), float)
-        t = merged(uniform, marks[(marks > 0.0) & (marks < period)], period)
+        times, values = np.asarray(waveform.times), np.asarray(waveform.values)
+        return Series(t, np.interp(t % period, times, values, period=float(waveform.period)))
+    uniform = np.linspace(0.0, period, samples + 1)
+    marks = np.asarray(waveform.breakpoints(), float)
+    t = merged(uniform, marks[(marks > 0.0) & (marks < period)], period)
     values = np.array(jax.vmap(waveform)(jnp.asarray(t[:-1])), float)
     last = float(waveform(jnp.asarray(period)))
     if abs(last - values[0]) > CLOSING * np.max(np.abs(values)):
@@ -109,13 +110,11 @@ def steady_sources(network: Network, period: float, *, samples: int) -> Network:
         period: length of the cycle [s].
         samples: see `series_from_waveform`.
     """
-
-    def held(leaf):
-        if not isinstance(leaf, AbstractWaveform):
-            return leaf
-        return Constant(float(np.mean(series_from_waveform(leaf, period, samples=samples).values)))
-
-    return jax.tree.map(held, network, is_leaf=lambda leaf: isinstance(leaf, AbstractWaveform))
+    means = [
+        float(np.mean(series_from_waveform(waveform, period, samples=samples).values))
+        for waveform in network.waveforms()
+    ]
+    return network.with_sources(means)
 
 
 def _knots(waveform: Sampled, period: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from lumped.march import Trajectory, aligned_times, march
 from lumped.network import Network
-from lumped.parameters import Parameter
+from lumped.parameters import Parameter, real
 from lumped.periodic_solution import (
     AbstractPeriodicSolver,
     PeriodicSolution,
@@ -34,7 +34,7 @@ class Shooting(AbstractPeriodicSolver):
         max_iterations: Newton steps allowed (static).
     """
 
-    n_steps: int = eqx.field(static=True, default=192)
+    n_steps: int = eqx.field(static=True, default=256)
     order: int = eqx.field(static=True, default=5)
     tolerance: float = eqx.field(static=True, default=1e-11)
     max_iterations: int = eqx.field(static=True, default=32)
@@ -45,40 +45,53 @@ class Shooting(AbstractPeriodicSolver):
         guess = jax.lax.stop_gradient(mean_state(network, period))
         scale = jnp.max(jnp.abs(guess)) + 1e-300
 
-        def cycle(x: Float[Array, " n"], args: Any, n_steps: int) -> Trajectory:
+        def cycle(x: Float[Array, " n"], args: Any, stride: int = 1) -> Trajectory:
             model, T = args
-            ts = aligned_times(model, T, n_steps)
+            ts = aligned_times(model, T, self.n_steps)[::stride]
             return march(ts, model, jnp.concatenate([x, guess[n:]]), order=self.order)
 
+        def end(x: Float[Array, " n"], args: Any) -> Float[Array, " n"]:
+            return cycle(x, args).z[-1, :n]
+
         def mismatch(xi: Float[Array, " n"], args: Any) -> Float[Array, " n"]:
-            return cycle(xi * scale, args, self.n_steps).z[-1, :n] / scale - xi
+            return end(xi * scale, args) / scale - xi
 
         newton = optx.Newton(rtol=self.tolerance, atol=self.tolerance)
-        args = (network, jnp.asarray(period, float))
+        args = (network, real(period))
         solution = optx.root_find(
             mismatch, newton, guess[:n] / scale, args, max_steps=self.max_iterations, throw=False
         )
         x0 = solution.value * scale
-        path = cycle(x0, args, self.n_steps)
-        coarse = cycle(x0, args, self.n_steps // 2)
+        path = cycle(x0, args)
+        monodromy = jax.jacfwd(end)(jax.lax.stop_gradient(x0), args)
         # before the first step only the states are known: the cycle's end is the same instant
-        z = jnp.where((path.t <= 0.0)[:, None], path.z[-1], path.z)[:-1]
-        monodromy = jax.jacfwd(lambda x: cycle(x, args, self.n_steps).z[-1, :n])(
-            jax.lax.stop_gradient(x0)
-        )
+        z = jnp.where((path.t <= 0.0)[:, None], path.z[-1:], path.z)[:-1]
         return PeriodicSolution(
             t=path.t[:-1],
             z=z,
             mean=path.integral / period,
-            period=period,
+            period=real(period),
             monodromy=monodromy,
-            error_estimate=jnp.maximum(
-                largest_difference(path.z[-1, :n], coarse.z[-1, :n], path.z[:, :n]), path.defect
-            ),
+            error_estimate=_shooting_error(path, cycle(x0, args, 2), monodromy),
             iterations=solution.stats["num_steps"],
             result=solution.result,
             network=network,
         )
+
+
+def _shooting_error(
+    path: Trajectory, coarse: Trajectory, monodromy: Float[Array, "n n"]
+) -> Float[Array, ""]:
+    """Difference to the march with half the steps, and what it does to the periodic start.
+
+    An error e of the cycle's end moves the periodic start by (I − monodromy)⁻¹ e.
+    """
+    n = monodromy.shape[0]
+    fine = path.z[::2, :n]
+    gap = jnp.abs(coarse.z[:, :n] - fine)
+    start = jnp.linalg.solve(jnp.eye(n) - monodromy, coarse.z[-1, :n] - fine[-1])
+    total = gap + jnp.abs(start)[None, :]
+    return jnp.maximum(largest_difference(total, jnp.zeros_like(total), fine), path.defect)
 
 
 class Cycles(AbstractPeriodicSolver):

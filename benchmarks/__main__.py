@@ -1,0 +1,99 @@
+"""Run all benchmarks: `python -m benchmarks [--out DIR] [--only NAME ...] [--rounds N]`."""
+
+import argparse
+import importlib
+import importlib.metadata
+import json
+import os
+import pathlib
+import platform
+import subprocess
+import sys
+from datetime import UTC, datetime
+from typing import Any
+
+import jax
+
+BENCHMARKS = ("surrogate", "alpha", "vascular", "fits")
+
+
+def main() -> int:
+    """Run the benchmarks, print their tables and write `benchmarks.json` and `benchmarks.md`."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results/benchmarks"))
+    parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
+    parser.add_argument("--rounds", type=int, default=5, help="timed calls of each function")
+    options = parser.parse_args()
+    results = []
+    for name in options.only:
+        print(f"running {name} ...", file=sys.stderr, flush=True)
+        results.append(importlib.import_module(f"benchmarks.{name}").run(rounds=options.rounds))
+    machine = _machine()
+    text = "\n\n".join([_heading(machine), *(table(result) for result in results)]) + "\n"
+    print(text)
+    options.out.mkdir(parents=True, exist_ok=True)
+    _write(options.out / "benchmarks.json", json.dumps({"machine": machine, "results": results}))
+    _write(options.out / "benchmarks.md", text)
+    return 0
+
+
+def table(result: dict[str, Any]) -> str:
+    """A benchmark's rows as a Markdown table, its notes below."""
+    columns = list(dict.fromkeys(key for row in result["rows"] for key in row))
+    lines = [
+        f"## {result['name']}",
+        "",
+        "| " + " | ".join(columns) + " |",
+        "|" + "---|" * len(columns),
+    ]
+    lines += [
+        "| " + " | ".join(_cell(row.get(column, "")) for column in columns) + " |"
+        for row in result["rows"]
+    ]
+    notes = result["notes"]
+    lines += ["", *(f"- {note}" for note in ([notes] if isinstance(notes, str) else notes))]
+    return "\n".join(lines)
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _machine() -> dict[str, Any]:
+    packages = ("jax", "diffrax", "optimistix", "equinox", "numpy", "svzerod")
+    versions = {}
+    for package in packages:
+        try:
+            versions[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            versions[package] = "absent"
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    return {
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "cpus": os.cpu_count(),
+        "load": os.getloadavg(),
+        "device": jax.devices()[0].device_kind,
+        "python": platform.python_version(),
+        "commit": commit,
+        **versions,
+    }
+
+
+def _heading(machine: dict[str, Any]) -> str:
+    facts = ", ".join(f"{key} {value}" for key, value in machine.items())
+    return (
+        f"# Benchmarks\n\n{facts}\n\nTimes in seconds; first_s includes compilation, the others "
+        "are warm calls in turn. The machine may be shared: trust medians and ratios."
+    )
+
+
+def _write(path: pathlib.Path, text: str) -> None:
+    partial = path.with_suffix(path.suffix + ".part")
+    partial.write_text(text)
+    partial.replace(path)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

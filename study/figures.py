@@ -8,6 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
 from study.patient import LINEAR, QUADRATIC
@@ -246,7 +247,14 @@ def alpha(document: Document) -> str:
         target = next(iter(fits.values()))["target"]
         axes.axhline(target, color=INK, linewidth=1.0, linestyle="--")
         axes.axvline(1.0, color=GREY, linewidth=1.0, linestyle=":")
-        axes.text(1.0, 0.02, " nominal outlet", color=GREY, transform=axes.get_xaxis_transform())
+        axes.text(
+            1.0,
+            0.02,
+            "nominal outlet ",
+            color=GREY,
+            ha="right",
+            transform=axes.get_xaxis_transform(),
+        )
         axes.text(0.005, target, f"measured {target:g}", va="bottom", fontsize=8.5,
                   transform=axes.get_yaxis_transform())  # fmt: skip
         axes.set_xscale("log")
@@ -316,6 +324,7 @@ def sensitivities(document: Document, *, count: int = 9, least: float = 1e-5) ->
             axes.axvline(0.0, color=INK, linewidth=0.8)
             axes.set_title(entry["condition"].capitalize())
             axes.set_xlabel("change of FFR for +10 %")
+            axes.xaxis.set_major_locator(MaxNLocator(4))
             axes.grid(visible=False, axis="y")
         grid[0].set_yticks(y, [NAMES.get(name, name) for name in names])
         grid[0].invert_yaxis()

@@ -197,5 +197,6 @@ def _quadratic(case: Case, vessel: Vessel | None) -> Model | None:
     if K is None or R0 is None:
         return None
     words = {True: "given in the case", False: "from the lumen's pressure-flow law"}
-    origin = f"R0 {words[own]}, K {words[given.K is not None]}"
+    given_K = given.K is not None
+    origin = f"R0 and K {words[own]}" if own == given_K else f"R0 {words[own]}, K {words[given_K]}"
     return Model(QUADRATIC, Surrogate(R0=R0, C0=given.C0, coronary=_coronary(case), K=K), origin)

@@ -4,7 +4,7 @@ import sys
 import threading
 import time
 from types import TracebackType
-from typing import TextIO
+from typing import Any
 
 QUIET_SECONDS = 2.0
 """Work that ends sooner shows nothing."""
@@ -21,14 +21,14 @@ class Progress:
     def __init__(
         self,
         *,
-        stream: TextIO | None = None,
+        stream: Any = None,
         quiet_seconds: float = QUIET_SECONDS,
         line_every: float = 5.0,
     ):
         """Set up; nothing is shown before the first step.
 
         Args:
-            stream: where to write; standard error by default.
+            stream: text stream to write to; standard error by default.
             quiet_seconds: shortest work that is shown [s].
             line_every: least time between two lines where the stream is no terminal [s].
         """

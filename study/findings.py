@@ -49,7 +49,9 @@ def verdict(result: CaseResult) -> str:
     for name in result.patient.stresses:
         own = result.run(name)
         others = [r.ratio for r in _readings(result, name)]
-        parts.append(f"{own.ratio:.2f} under {name} ({_span(others)} over all readings)")
+        measured = case.conditions[name].ffr
+        known = "" if measured is None else f"measured {measured:.2f}; "
+        parts.append(f"{own.ratio:.2f} under {name} ({known}{_span(others)} over all readings)")
     listed = "; ".join(parts)
     return f"Predicted FFR: {listed}. {_threshold(result)}"
 
@@ -179,7 +181,7 @@ def _waveform_notes(result: CaseResult) -> Iterator[Note]:
             "warning",
             f"The mean flow in systole is negative ({_listed(names)}; {_listed(laws)} law): alpha "
             "scales the resistances but not C_im, so the squeezed volume leaves backwards. "
-            "Means and ratios do not depend on it; the flow waveform does.",
+            "Mean ratios hardly depend on it; the flow waveform does.",
         )
 
 
@@ -206,7 +208,7 @@ def _reserve_notes(result: CaseResult) -> Iterator[Note]:
 
 def _times(values: list[float]) -> str:
     low, high = f"{min(values):.1f}", f"{max(values):.1f}"
-    return low if low == high else f"{low} to {high}"
+    return low if low == high else f"{low}- to {high}"
 
 
 def _vessel_notes(result: CaseResult) -> Iterator[Note]:

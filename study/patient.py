@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import study.case as case_file
-from calibration import LumenLosses, lumen_losses, systemic_windkessel
+from calibration import LumenLosses, PressureFlowLaw, lumen_losses, systemic_windkessel
 from jaxfsi import Calipers, Lumen, read_ivus_contours
 from lumped import (
     MMHG,
@@ -171,8 +171,12 @@ def _coronary(case: Case) -> Coronary:
 
 
 def _linear(case: Case, vessel: Vessel | None) -> Model | None:
+    """R0 of the linear law; where the case itself asks for the quadratic one, its slope."""
     given = case.surrogate
-    if given.R0 is not None:
+    if given.R0 is not None and given.K is not None and given.law == QUADRATIC:
+        R0 = PressureFlowLaw(a=given.R0, b=given.K).tangent(TANGENT_DROP)
+        origin = "R0 = slope of the given quadratic law at a drop of 40 mmHg"
+    elif given.R0 is not None:
         R0, origin = given.R0, "R0 given in the case"
     elif vessel is not None:
         R0 = vessel.losses.law.tangent(TANGENT_DROP)

@@ -17,6 +17,13 @@ from calibration.reduced_law import (
     lumen_law,
     lumen_losses,
 )
+from calibration.sensitivity import (
+    REST_RULE,
+    RatioResponse,
+    alpha_response,
+    ratio_response,
+    through_calibration,
+)
 from calibration.sweep import (
     Calibrations,
     Sweep,
@@ -26,6 +33,7 @@ from calibration.sweep import (
     simulate_many,
     sweep_alpha,
 )
+from calibration.systemic import systemic_windkessel
 from calibration.vascular import FreeParameters, VesselFit, calibrate_vessels
 from calibration.vessel_record import (
     VesselParameters,

@@ -14,9 +14,9 @@ derivative is zero.
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -24,12 +24,18 @@ from lumped import (
     AbstractPeriodicSolver,
     Condition,
     Metrics,
+    Network,
     PeriodicSolution,
+    Shooting,
     StressRule,
     Surrogate,
+    aligned_times,
+    march,
+    mean_state,
     metrics,
     solve_periodic,
 )
+from lumped.parameters import Parameter
 from lumped.surrogate import NOMINAL
 
 REST_RULE = StressRule(R_2=1.0, C_a=1.0, C_im=1.0, R_distal=1.0, C=1.0)
@@ -73,22 +79,65 @@ def ratio_response(
     Returns:
         The response; whether the solver succeeded is in `solution.result`.
     """
-
-    def log_ratio(model: tuple[Surrogate, Condition, StressRule]) -> tuple[Array, Any]:
-        surrogate, condition, rule = model
-        network = surrogate.network(condition, rule=rule)
-        solution = solve_periodic(network, condition.period, solver, throw=False)
-        numbers = metrics(solution)
-        return jnp.log(numbers.ratio), (solution, numbers)
-
+    network = surrogate.network(condition, rule=rule)
+    solution = solve_periodic(network, condition.period, solver, throw=False)
     model = (surrogate, condition, rule)
-    slope, (solution, numbers) = eqx.filter_grad(log_ratio, has_aux=True)(model)
+    if network.is_linear:
+        slope = jax.grad(_mean_log_ratio)(model)
+    else:
+        slope = _implicit_slope(model, solution, solver)
     values, slopes = _by_name(model), _by_name(slope)
     sensitivity = {name: values[name] * slopes[name] for name in values}
-    return RatioResponse(solution, numbers, sensitivity)
+    return RatioResponse(solution, metrics(solution), sensitivity)
 
 
-def alpha_response(rest: Mapping[str, Array]) -> dict[str, Float[Array, ""]]:
+_Model = tuple[Surrogate, Condition, StressRule]
+
+
+def _mean_log_ratio(model: _Model) -> Array:
+    """Log ratio of a linear surrogate, from the direct-current network."""
+    surrogate, condition, rule = model
+    network = surrogate.network(condition, rule=rule)
+    return _log_ratio(network, mean_state(network, condition.period))
+
+
+def _implicit_slope(
+    model: _Model, solution: PeriodicSolution, solver: AbstractPeriodicSolver | None
+) -> _Model:
+    """∂ log ratio/∂(every leaf of the model), with the periodic start found by x(T; x₀, p) = x₀.
+
+        d log r/dp = ∂ log r/∂p + ∂ log r/∂x₀ (I − ∂x(T)/∂x₀)⁻¹ ∂x(T)/∂p,
+
+    from one marched cycle. Written out here because it needs no second root solve, and leaves no
+    host callback in the compiled function, which would keep it out of the compilation cache.
+    """
+    scheme = solver if isinstance(solver, Shooting) else Shooting()
+    start = jax.lax.stop_gradient(solution.initial)
+    n = solution.network.n_states
+
+    def cycle(model: _Model, x: Array) -> tuple[Array, Array]:
+        surrogate, condition, rule = model
+        network = surrogate.network(condition, rule=rule)
+        ts = aligned_times(network, condition.period, scheme.n_steps)
+        path = march(ts, network, start.at[:n].set(x), order=scheme.order)
+        return path.z[-1, :n], _log_ratio(network, path.integral)
+
+    (end_model, end_x), (ratio_model, ratio_x) = jax.jacrev(cycle, argnums=(0, 1))(model, start[:n])
+    adjoint = jnp.linalg.solve((jnp.eye(n) - end_x).T, ratio_x)
+    return jax.tree.map(
+        lambda direct, through: direct + jnp.tensordot(adjoint, through, axes=1),
+        ratio_model,
+        end_model,
+    )
+
+
+def _log_ratio(network: Network, mean: Array) -> Array:
+    """Log of mean distal over mean aortic pressure, from the means (or integrals) of a cycle."""
+    distal, aorta = network.pressure_index("distal"), network.pressure_index("aorta")
+    return jnp.log(mean[distal] / mean[aorta])
+
+
+def alpha_response(rest: Mapping[str, Parameter]) -> dict[str, Parameter]:
     """D log α / d log parameter, the measured resting ratio kept; of `rest_ratio` itself as well.
 
     Args:
@@ -108,8 +157,8 @@ SHARED = ("R0", "K", "C0", *NOMINAL, "P_venous", "im_factor")
 
 
 def through_calibration(
-    stress: Mapping[str, Array], rest: Mapping[str, Array]
-) -> dict[str, Float[Array, ""]]:
+    stress: Mapping[str, Parameter], rest: Mapping[str, Parameter]
+) -> dict[str, Parameter]:
     """D log FFR / d log parameter with α recalibrated to the measured resting ratio.
 
     Args:
@@ -133,7 +182,7 @@ def through_calibration(
     return {**total, "rest_ratio": per_alpha * moved["rest_ratio"], **own}
 
 
-def _by_name(model: tuple[Surrogate, Condition, StressRule]) -> dict[str, Array]:
+def _by_name(model: _Model) -> dict[str, Array]:
     surrogate, condition, rule = model
     bed = surrogate.coronary
     named = {"R0": surrogate.R0, "K": surrogate.K, "alpha": surrogate.alpha, "C0": surrogate.C0}

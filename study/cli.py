@@ -20,7 +20,7 @@ from study.output import OutputRefused, check_folder, write_files
 from study.pipeline import run_case
 from study.progress import Progress
 from study.provenance import provenance
-from study.report import report
+from study.report import html_report
 from study.results import (
     REPORT_FILE,
     RESULT_FILE,
@@ -96,7 +96,7 @@ def _run(options: argparse.Namespace) -> None:
         result = run_case(case, progress=progress)
         progress.step("writing the report")
         document = case_document(result, provenance(case, options.command_line))
-        files = {REPORT_FILE: report(document), RESULT_FILE: to_json(document)}
+        files = {REPORT_FILE: html_report(document), RESULT_FILE: to_json(document)}
         written = write_files(folder, files)
     _show(options, document, written)
 
@@ -128,7 +128,7 @@ def _show_result(options: argparse.Namespace) -> None:
     document = load_document(options.result)
     try:
         summary(document)
-        page = report(document) if options.out is not None else ""
+        page = html_report(document) if options.out is not None else ""
     except (KeyError, TypeError, IndexError, ValueError) as error:
         problem = f"a part of the result is missing or damaged: {error!r}"
         raise CaseError(

@@ -2,6 +2,7 @@
 
 import io
 import re
+from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
@@ -10,7 +11,7 @@ INK, GREY, RED = "#1d2733", "#8b95a1", "#b3382c"
 COLOURS = ("#1f6fb2", "#d9822b", "#5a8f3c")
 """Series of a figure, in order; apart from each other for colour-blind eyes."""
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.0,
@@ -23,6 +24,7 @@ STYLE = {
     "axes.titlecolor": INK,
     "axes.titlelocation": "left",
     "axes.grid": True,
+    "axes.axisbelow": True,
     "grid.color": "#e6e9ed",
     "grid.linewidth": 0.7,
     "xtick.color": INK,

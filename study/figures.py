@@ -7,9 +7,10 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
-from study.patient import LINEAR
+from study.patient import LINEAR, QUADRATIC
 from study.pipeline import CALIBRATED, FIXED
 
 Document = Mapping[str, Any]
@@ -35,42 +36,57 @@ def overview(document: Document) -> str:
     """The pressure ratio of every condition under every reading, a point each."""
     names = list(document["conditions"])
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 0.62 * len(names) + 1.15), layout="constrained")
+        figure = Figure(figsize=(8.2, 0.62 * len(names) + 1.15), layout="constrained")
         axes = figure.add_subplot()
-        marks: dict[str, Any] = {}
         for k, name in enumerate(names):
             runs = [run for run in document["runs"] if run["condition"] == name]
-            for run, offset in zip(runs, np.linspace(-0.22, 0.22, len(runs)), strict=True):
-                label, style = _reading_style(document, run)
-                at = (_ratio(run), k + offset)
-                (marks[label],) = axes.plot(*at, linestyle="none", label=label, **style)
+            for run, offset in zip(runs, np.linspace(-0.24, 0.24, len(runs)), strict=True):
+                axes.plot(_ratio(run), k + offset, linestyle="none", **_mark(document, run))
             measured = _measured(document, name)
             if measured is not None:
-                (marks["measured"],) = axes.plot(
-                    [measured] * 2, [k - 0.32, k + 0.32], color=INK, linewidth=2.2, label="measured"
-                )
-        axes.axvline(THRESHOLD, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
+                axes.plot([measured] * 2, [k - 0.34, k + 0.34], color=RED, linewidth=2.0, zorder=1)
+        axes.axvline(THRESHOLD, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=0)
         axes.text(THRESHOLD, -0.62, " 0.80", color=GREY, fontsize=8, va="center")
         axes.set_yticks(range(len(names)), [name.capitalize() for name in names])
         axes.set_ylim(len(names) - 0.5, -0.75)
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("mean distal over mean aortic pressure (FFR; at rest Pd/Pa)")
-        figure.legend(handles=list(marks.values()), loc="outside right center", handletextpad=0.4)
+        figure.legend(handles=_overview_key(document), loc="outside right center")
         return svg(figure, "overview")
 
 
-def _reading_style(document: Document, run: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Label and marker: colour by rule, shape by law, hollow for the fixed boundary."""
+def _mark(document: Document, run: Mapping[str, Any]) -> dict[str, Any]:
+    """Colour by rule, shape by law, hollow for the nominal outlet."""
     colour = INK if run["rule"] is None else _rule_colour(document, run["rule"])
     filled = run["boundary"] == CALIBRATED
-    rule = "rest" if run["rule"] is None else f'"{run["rule"]}"'
-    return f"{run['law']}, {rule}, {run['boundary']}", {
-        "marker": "o" if run["law"] == LINEAR else "s",
-        "markersize": 7.0 if filled else 6.0,
+    return {
+        "marker": LAW_MARKS[run["law"]],
+        "markersize": 7.0 if filled else 5.5,
         "markerfacecolor": colour if filled else "white",
         "markeredgecolor": colour,
         "markeredgewidth": 1.3,
     }
+
+
+LAW_MARKS = {LINEAR: "o", QUADRATIC: "s"}
+
+
+def _overview_key(document: Document) -> list[Line2D]:
+    """One entry for each rule, law, outlet and, where there is one, the measurement."""
+
+    def entry(label: str, **style: Any) -> Line2D:
+        look = {"marker": "o", "linestyle": "none", "color": INK, "markersize": 6.5, **style}
+        return Line2D([], [], label=label, **look)
+
+    rules = list(dict.fromkeys(run["rule"] for run in document["runs"] if run["rule"]))
+    laws = list(dict.fromkeys(run["law"] for run in document["runs"]))
+    return [
+        entry("measured", marker="", linestyle="-", color=RED, linewidth=2.0),
+        *(entry(f'stress rule "{rule}"', color=_rule_colour(document, rule)) for rule in rules),
+        *(entry(f"{law} law", marker=LAW_MARKS[law]) for law in laws),
+        entry("calibrated outlet"),
+        entry("nominal outlet", markerfacecolor="white", markersize=5.5),
+    ]
 
 
 def waveforms(document: Document) -> str:
@@ -84,7 +100,7 @@ def waveforms(document: Document) -> str:
         )  # fmt: skip
         handles: dict[str, Any] = {}
         for k, name in enumerate(names):
-            handles |= _condition_column(document, name, grid[:, k])
+            handles |= _condition_column(document, name, list(grid[:, k]))
         grid[0, 0].set_ylabel("pressure [mmHg]")
         grid[1, 0].set_ylabel("coronary flow [mL/min]")
         grid[2, 0].set_ylabel("distal / aortic")
@@ -107,27 +123,14 @@ def _condition_column(document: Document, name: str, column: Sequence[Axes]) -> 
     ]
     text = []
     for wave, run in shown:
-        fixed = run["boundary"] == FIXED
-        colour = (
-            GREY if fixed else INK if run["rule"] is None else _rule_colour(document, run["rule"])
-        )
-        label = (
-            "distal, nominal outlet"
-            if fixed
-            else (
-                "distal, calibrated at rest"
-                if run["rule"] is None
-                else f'distal, calibrated, "{run["rule"]}"'
-            )
-        )
-        style = {"color": colour, "linestyle": "--" if fixed else "-", "label": label}
+        style = _wave_style(document, run)
         t, P_aorta, P_distal, Q = (_closed(wave, key) for key in _WAVE_KEYS)
         (handles["aorta"],) = pressure.plot(t, P_aorta, color=RED, label="aorta", zorder=3)
-        (handles[label],) = pressure.plot(t, P_distal, **style)
+        (handles[style["label"]],) = pressure.plot(t, P_distal, **style)
         flow.plot(t, Q, **style)
         ratio.plot(t, P_distal / P_aorta, **style)
-        ratio.axhline(_ratio(run), color=colour, linewidth=0.9, linestyle=":")
-        if not fixed:
+        ratio.axhline(_ratio(run), color=style["color"], linewidth=0.9, linestyle=":")
+        if run["boundary"] == CALIBRATED:
             text.append(f"{_ratio(run):.2f}")
     flow.axhline(0.0, color=GREY, linewidth=0.8)
     quantity = "resting ratio" if name == "rest" else "FFR"
@@ -140,6 +143,16 @@ def _condition_column(document: Document, name: str, column: Sequence[Axes]) -> 
     )  # fmt: skip
     ratio.set_xlabel("time [s]")
     return handles
+
+
+def _wave_style(document: Document, run: Mapping[str, Any]) -> dict[str, Any]:
+    """Colour by rule; dashed and grey for the nominal outlet."""
+    if run["boundary"] == FIXED:
+        return {"color": GREY, "linestyle": "--", "label": "distal, nominal outlet"}
+    if run["rule"] is None:
+        return {"color": INK, "label": "distal, calibrated at rest"}
+    label = f'distal, calibrated, "{run["rule"]}"'
+    return {"color": _rule_colour(document, run["rule"]), "label": label}
 
 
 _WAVE_KEYS = ("t_s", "P_aorta_mmHg", "P_distal_mmHg", "Q_ml_per_min")
@@ -253,6 +266,9 @@ NAMES = {
     "stress_R_3": "stress factor of R_3",
     "stress_C_a": "stress factor of C_a",
     "stress_C_im": "stress factor of C_im",
+    "R_1": "outlet R_1 (proximal)",
+    "R_2": "outlet R_2 (microvascular)",
+    "R_3": "outlet R_3 (venous)",
     "P_systolic": "systolic pressure under stress",
     "P_diastolic": "diastolic pressure under stress",
     "period": "cycle length under stress",
@@ -279,7 +295,8 @@ def sensitivities(document: Document, *, count: int = 9, least: float = 1e-5) ->
     size: dict[str, float] = {}
     for entry in entries:
         for part in ("recalibrated", "at_fixed_alpha"):
-            for name, slope in entry[part].items():
+            # the measured ratio cannot grow by a tenth: the report gives it by itself
+            for name, slope in ((n, x) for n, x in entry[part].items() if n != "rest_ratio"):
                 size[name] = max(size.get(name, 0.0), abs(slope))
     names = [n for n in sorted(size, key=lambda n: -size[n]) if size[n] > least][:count]
     with rc_context(STYLE):

@@ -213,7 +213,7 @@ def _vessel_notes(result: CaseResult) -> Iterator[Note]:
     vessel = result.patient.vessel
     if vessel is None:
         return
-    minor = float(np.min(np.asarray(vessel.lumen.calipers.minor)))
+    minor = float(np.min(np.asarray(vessel.calipers.minor)))
     ratio = minor / CATHETER_DIAMETER
     limit = f"{CATHETER_DIAMETER / MM:.2f} mm"
     text = (

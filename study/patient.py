@@ -3,12 +3,13 @@
 import dataclasses
 import math
 
+import equinox as eqx
 import numpy as np
+from jaxtyping import Array, Float
 
 import study.case as case_file
-from calibration import LumenLosses, lumen_losses
-from calibration.systemic import systemic_windkessel
-from jaxfsi import Lumen, read_ivus_contours
+from calibration import LumenLosses, lumen_losses, systemic_windkessel
+from jaxfsi import Calipers, Lumen, read_ivus_contours
 from lumped import (
     MMHG,
     RCR,
@@ -35,10 +36,14 @@ class Vessel:
 
     Attributes:
         lumen: the cross-sections.
+        area: of each [cm²].
+        calipers: their major and minor axes [cm].
         losses: the parts of the pressure drop over them.
     """
 
     lumen: Lumen
+    area: Float[Array, " frames"]
+    calipers: Calipers
     losses: LumenLosses
 
 
@@ -136,7 +141,12 @@ def read_vessel(case: Case) -> Vessel | None:
     radius = anatomy.aorta_radius
     upstream = math.inf if radius is None else math.pi * radius**2
     mu, rho = case.blood.mu, case.blood.rho_f
-    return Vessel(lumen, lumen_losses(lumen, mu=mu, rho=rho, area_upstream=upstream))
+    return Vessel(*_shape(lumen, mu=mu, rho=rho, area_upstream=upstream))
+
+
+@eqx.filter_jit
+def _shape(lumen: Lumen, **blood: float) -> tuple[Lumen, Array, Calipers, LumenLosses]:
+    return lumen, lumen.area, lumen.calipers, lumen_losses(lumen, **blood)
 
 
 def condition_of(entry: case_file.Condition) -> Condition:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from calibration.sensitivity import REST_RULE, RatioResponse, through_calibration
+from calibration import REST_RULE, RatioResponse, through_calibration
 from diagnosis import RatioGap, ratio_gap
 from lumped import ML_PER_MIN, MMHG
 from study.case import Case, require

@@ -14,7 +14,7 @@ from study.results import ratio_name
 Document = Mapping[str, Any]
 
 
-def report(document: Document) -> str:
+def html_report(document: Document) -> str:
     """The report of a run as HTML, its figures inside.
 
     Args:
@@ -84,20 +84,36 @@ def windkessel_rows(document: Document) -> Iterator[dict[str, Any]]:
 
 
 def top_sensitivities(document: Document) -> list[dict[str, Any]]:
-    """The strongest sensitivities of each stress condition, in words."""
+    """What moves FFR in each stress condition, in numbers.
+
+    `per_measured` is the change of FFR for +0.01 in the measured resting ratio; `items` are the
+    three strongest of the other parameters with the change of FFR for +10 %.
+    """
     found = []
     for entry in document["sensitivities"]:
         own = (entry["law"], entry["rule"]) == (document["law"], document["rule"])
         if not own or entry["condition"] == "rest":
             continue
-        slopes = sorted(entry["recalibrated"].items(), key=lambda pair: -abs(pair[1]))[:3]
+        run = next(r for r in document["runs"] if r.items() >= _setting(entry).items())
+        slopes = dict(entry["recalibrated"])
+        target = document["calibrations"][entry["law"]]["target"]
+        per_measured = 0.01 * slopes.pop("rest_ratio") * run["ffr"] / target
+        strongest = sorted(slopes.items(), key=lambda pair: -abs(pair[1]))[:3]
         found.append(
             {
                 "condition": entry["condition"],
-                "items": [(NAMES.get(name, name), slope) for name, slope in slopes],
+                "per_measured": per_measured,
+                "items": [
+                    (NAMES.get(name, name), run["ffr"] * (1.1**slope - 1.0))
+                    for name, slope in strongest
+                ],
             }
         )
     return found
+
+
+def _setting(entry: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: entry[key] for key in ("condition", "law", "rule", "boundary")}
 
 
 def significant(value: float | None, digits: int = 3) -> str:

@@ -146,9 +146,9 @@ def vessel_part(vessel: Vessel) -> Document:
     lumen, losses = vessel.lumen, vessel.losses
     return {
         "s_mm": _list(lumen.s / MM),
-        "area_mm2": _list(lumen.area / MM**2),
-        "major_axis_mm": _list(lumen.calipers.major / MM),
-        "minor_axis_mm": _list(lumen.calipers.minor / MM),
+        "area_mm2": _list(vessel.area / MM**2),
+        "major_axis_mm": _list(vessel.calipers.major / MM),
+        "minor_axis_mm": _list(vessel.calipers.minor / MM),
         "a_frames": _list(losses.a_frames),
         "a_viscous": float(losses.a_viscous),
         "b_contraction": float(losses.b_contraction),

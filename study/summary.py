@@ -53,10 +53,11 @@ def _alphas(document: Document) -> Iterator[str]:
             yield f"{law} law: not calibrated: {fit['failure']}"
             continue
         low, high = fit["alpha_95"]
-        closed = "" if fit["closed_form"] is None else f", closed form {fit['closed_form']:.10g}"
+        checks = [("bisection", fit["bisection"]), ("closed form", fit["closed_form"])]
+        checked = "".join(f"; {name} {x:.10g}" for name, x in checks if x is not None)
         yield (
             f"{law} law: alpha = {fit['alpha']:.10g} (95 %: {low:.3g} to {high:.3g}) for a resting "
-            f"ratio of {fit['target']:g}; bisection {fit['bisection']:.10g}{closed}"
+            f"ratio of {fit['target']:g}{checked}"
         )
 
 

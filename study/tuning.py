@@ -7,10 +7,19 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
+import optimistix as optx
 
 import study.case as case_file
-from calibration import alpha_closed_form, bisect_alpha, calibrate_alpha, require_feasible
-from calibration.sensitivity import REST_RULE, RatioResponse, alpha_response, ratio_response
+from calibration import (
+    REST_RULE,
+    RatioResponse,
+    alpha_closed_form,
+    alpha_response,
+    bisect_alpha,
+    calibrate_alpha,
+    ratio_response,
+    require_feasible,
+)
 from diagnosis import RATIO_SD
 from lumped import (
     AbstractPeriodicSolver,
@@ -47,7 +56,7 @@ class Calibration:
         iterations: its steps.
         ratio: resting ratio that the model has with it [-].
         closed_form: α of the divider; None where the law is not linear [-].
-        bisection: α by bisection, as in the paper [-].
+        bisection: α by bisection, as in the paper [-]; None where α lies outside 1e-4 .. 1e4.
         bisection_iterations: its evaluations of the model.
         sd_log: standard deviation of log α from the error of the measured ratio [-].
     """
@@ -58,7 +67,7 @@ class Calibration:
     iterations: int
     ratio: float
     closed_form: float | None
-    bisection: float
+    bisection: float | None
     bisection_iterations: int
     sd_log: float
 
@@ -76,7 +85,6 @@ class Tuning(NamedTuple):
 
 
 _respond = eqx.filter_jit(ratio_response)
-_newton = eqx.filter_jit(functools.partial(calibrate_alpha, throw=False))
 _bisect = eqx.filter_jit(functools.partial(bisect_alpha, throw=False))
 
 
@@ -137,11 +145,9 @@ def calibrate_model(patient: Patient, model: Model) -> Calibration:
         raise CaseError([fault]) from error
     solver = periodic_solver(case, surrogate)
     shooting = solver if isinstance(solver, Shooting) else None
-    newton = _newton(surrogate, rest, target, solver=shooting)
-    cure = f'This was alpha under the {model.law} law; check the case, or write law = "linear".'
-    raise_unless_successful(newton.result, cure)
+    newton = calibrate_alpha(surrogate, rest, target, solver=shooting)
     bisection = _bisect(surrogate, rest, target, solver=solver)
-    raise_unless_successful(bisection.result, f"{cure} (bisection between 1e-4 and 1e4)")
+    bracketed = bool(bisection.result == optx.RESULTS.successful)
     alpha = float(newton.alpha)
     response = respond(patient, tune(surrogate, alpha), rest)
     moved = alpha_response(response.sensitivity)
@@ -154,7 +160,7 @@ def calibrate_model(patient: Patient, model: Model) -> Calibration:
         closed_form=None
         if surrogate.K is not None
         else float(alpha_closed_form(surrogate, rest, target)),
-        bisection=float(bisection.alpha),
+        bisection=float(bisection.alpha) if bracketed else None,
         bisection_iterations=int(bisection.iterations),
         sd_log=abs(float(moved["rest_ratio"])) * ratio_error(case.conditions["rest"]) / target,
     )

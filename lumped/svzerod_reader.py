@@ -9,7 +9,7 @@ not know: a misspelt optional parameter would otherwise change a result in silen
 import dataclasses
 import os
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal
 
 from lumped.blocks import RCR, Coronary, Resistance
@@ -150,7 +150,14 @@ def _layout(config: Mapping[str, Any], faults: list[str]) -> _Layout:
     return layout
 
 
-def _attach_junction(config, junction, conditions, attach, layout: _Layout, faults) -> None:
+def _attach_junction(
+    config: Mapping[str, Any],
+    junction: Mapping[str, Any],
+    conditions: set[str],
+    attach: Callable[[str, int, str, str], None],
+    layout: _Layout,
+    faults: list[str],
+) -> None:
     """Attach the members of a junction to its node, each through its branch where it has one."""
     name = junction["junction_name"]
     by_id = {vessel["vessel_id"]: vessel["vessel_name"] for vessel in config["vessels"]}
@@ -180,7 +187,9 @@ def _attach_junction(config, junction, conditions, attach, layout: _Layout, faul
         attach(member, side, node, f"junction {name}")
 
 
-def _branches(junction, members, faults: list[str]) -> list[dict[str, float]]:
+def _branches(
+    junction: Mapping[str, Any], members: Sequence[tuple[str, int]], faults: list[str]
+) -> list[dict[str, float]]:
     """Parameters of the vessel that each member is joined through; empty where there are none."""
     name, kind = junction["junction_name"], junction["junction_type"]
     if kind == "resistive_junction":
@@ -212,7 +221,12 @@ def _branches(junction, members, faults: list[str]) -> list[dict[str, float]]:
 # Elements
 
 
-def _elements(config, layout: _Layout, interpolation, faults: list[str]):
+def _elements(
+    config: Mapping[str, Any],
+    layout: _Layout,
+    interpolation: Literal["linear", "cubic"],
+    faults: list[str],
+) -> tuple[dict[str, tuple[Any, ...]], float]:
     """All elements with their nodes, and the period of the sources."""
     elements: dict[str, tuple[Any, ...]] = {}
     periods: dict[str, float] = {}
@@ -245,7 +259,14 @@ def _without_zeros(values: Mapping[str, float]) -> dict[str, float]:
     return {name: v for name, v in values.items() if v != 0.0 or name == "R_viscous"}
 
 
-def _condition(condition, side: int, interpolation, periods, faults) -> AbstractElement | None:
+def _condition(
+    condition: Mapping[str, Any],
+    side: int,
+    interpolation: Literal["linear", "cubic"],
+    periods: dict[str, float],
+    faults: list[str],
+) -> AbstractElement | None:
+    """The source or block of a boundary condition; its period is entered into `periods`."""
     name, kind = condition["bc_name"], condition["bc_type"]
     where = f"boundary condition {name}"
     values = {k: v for k, v in condition["bc_values"].items() if not k.startswith("_")}
@@ -276,7 +297,9 @@ def _condition(condition, side: int, interpolation, periods, faults) -> Abstract
     return _built(kind, parameters, where, faults)
 
 
-def _block(kind: str, values, waveform: AbstractWaveform | None) -> tuple[Any, dict[str, Any]]:
+def _block(
+    kind: str, values: Mapping[str, Any], waveform: AbstractWaveform | None
+) -> tuple[Any, dict[str, Any]]:
     """Our block for theirs: type and parameters."""
     if kind == "CORONARY":
         names = {"R_1": "Ra1", "R_2": "Ra2", "R_3": "Rv1", "C_a": "Ca", "C_im": "Cc"}

@@ -16,6 +16,7 @@ there is seen from the left.
 Source: Hairer & Wanner 1996, Solving Ordinary Differential Equations II, sec. IV.5 and VI.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -28,10 +29,10 @@ from lumped.network import Network, jacobian
 from lumped.parameters import Parameter
 
 NEWTON_ITERATIONS = 20
-"""Newton iterations allowed in a nonlinear step; the last correction is reported."""
+"""Newton iterations allowed; the size of the last correction is reported."""
 
 NEWTON_TOLERANCE = 1e-12
-"""Correction, relative to the largest unknown, at which a nonlinear step counts as solved."""
+"""Correction, relative to the largest unknown, at which a system counts as solved."""
 
 TINY = 1e-300
 EPS = float(np.finfo(float).eps)
@@ -123,25 +124,33 @@ def step(
         Z, defect = guess - correction(guess), jnp.zeros(())
     else:
         Z, defect = jax.lax.custom_root(
-            equations, guess, partial(_newton, correction), _tangent_solve, has_aux=True
+            equations, guess, lambda _, Z: newton(correction, Z), tangent_solve, has_aux=True
         )
     return Step(Z[-1], dt * jnp.asarray(scheme.weights) @ Z, jax.lax.stop_gradient(defect))
 
 
-def _newton(correction, _, Z):
-    """Newton's method on the stages; returns them and the relative size of the last correction."""
+def newton(correction: Callable[[Array], Array], start: Array) -> tuple[Array, Float[Array, ""]]:
+    """Newton's method, x ← x − correction(x), until the correction is small.
+
+    Args:
+        correction: residual divided by its Jacobian.
+        start: first guess.
+
+    Returns:
+        The solution and the largest part of the last correction, relative to the largest unknown.
+    """
 
     def body(carry):
-        k, Z, _ = carry
-        change = correction(Z)
-        return k + 1, Z - change, jnp.max(jnp.abs(change)) / jnp.max(jnp.abs(Z) + TINY)
+        k, x, _ = carry
+        change = correction(x)
+        return k + 1, x - change, jnp.max(jnp.abs(change)) / (jnp.max(jnp.abs(x)) + TINY)
 
     def unfinished(carry):
         k, _, size = carry
         return (k < NEWTON_ITERATIONS) & (size > NEWTON_TOLERANCE)
 
-    _, Z, size = jax.lax.while_loop(unfinished, body, (0, Z, jnp.asarray(jnp.inf)))
-    return Z, size
+    _, x, size = jax.lax.while_loop(unfinished, body, (0, start, jnp.asarray(jnp.inf)))
+    return x, size
 
 
 def _stage_matrix(
@@ -156,7 +165,8 @@ def _stage_matrix(
     return matrix.reshape(stages * m, stages * m)
 
 
-def _tangent_solve(linear, y):
+def tangent_solve(linear: Callable[[Array], Array], y: Array) -> Array:
+    """Solve linear(x) = y by its matrix, for `jax.lax.custom_root`."""
     size = y.size
     matrix = jax.jacfwd(linear)(jnp.zeros_like(y)).reshape(size, size)
     return jnp.linalg.solve(matrix, y.reshape(-1)).reshape(y.shape)

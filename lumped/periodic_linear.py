@@ -25,6 +25,10 @@ SMALL = 6
 """Largest number of states for which unrolled elimination beats a library call a frequency."""
 
 
+SQUARINGS = 48
+"""Squarings a matrix exponential may take: time constants 10¹⁵ times shorter than the step."""
+
+
 class Fourier(AbstractPeriodicSolver):
     """Harmonics of a linear network, (i ω_k I − A) x̂_k = B v̂_k; the mean is exact.
 
@@ -39,6 +43,10 @@ class Fourier(AbstractPeriodicSolver):
 
     n_samples: int = eqx.field(static=True, default=256)
     reduce: bool = eqx.field(static=True, default=True)
+
+    def __check_init__(self):
+        if self.n_samples < 2 or self.n_samples % 2:
+            raise ValueError(f"n_samples = {self.n_samples} must be even. Try 256.")
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state.
@@ -57,7 +65,7 @@ class Fourier(AbstractPeriodicSolver):
             x_hat = [x.at[0].set(first[i]) for i, x in enumerate(x_hat)]
             x = [from_harmonics(row, self.n_samples) for row in x_hat]
             z = jnp.stack([*x, *_algebraic_rows(system, x, v)], axis=1)
-            monodromy = expm(system.A * period)
+            monodromy = expm(system.A * period, max_squarings=SQUARINGS)
         else:
             if not network.is_linear:
                 raise ValueError("A network with a quadratic loss has no harmonics. Use Shooting.")
@@ -163,6 +171,10 @@ class Propagator(AbstractPeriodicSolver):
 
     n_steps: int = eqx.field(static=True, default=512)
 
+    def __check_init__(self):
+        if self.n_steps < 1:
+            raise ValueError(f"n_steps = {self.n_steps} must be positive. Try 512.")
+
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state.
 
@@ -198,11 +210,14 @@ def _propagate(
 ) -> tuple[Float[Array, "k1 n"], Float[Array, "n n"]]:
     """Periodic states at the step ends, and the monodromy matrix."""
     n = system.A.shape[0]
+    if n == 0:
+        return jnp.zeros((ts.shape[0], 0)), jnp.zeros((0, 0))
     each = (ts.shape[0] - 1) // stretches
     starts = ts[:-1].reshape(stretches, each)
     dt = (ts[1:] - ts[:-1]).reshape(stretches, each)[:, 0]
     nodes = 0.5 * (1.0 + np.polynomial.legendre.leggauss(_NODES)[0])
-    Phi, W = jax.vmap(lambda h: _step_matrices(system.A, h, nodes))(dt)
+    # one after another: under vmap every exponential would take all its squarings
+    Phi, W = jax.lax.map(lambda h: _step_matrices(system.A, h, nodes), dt)
     at = (starts[..., None] + dt[:, None, None] * jnp.asarray(nodes)[None, None]).reshape(-1)
     u = (system.sources(at) @ system.B.T).reshape(stretches, each, _NODES, n)
     push = jnp.einsum("sjab,skjb->ska", W, u).reshape(-1, n)
@@ -233,7 +248,7 @@ def _step_matrices(
     for m in range(q):
         block = slice(m * n, (m + 1) * n), slice((m + 1) * n, (m + 2) * n)
         augmented = augmented.at[block].set(jnp.eye(n))
-    top = expm(augmented)[:n]
+    top = expm(augmented, max_squarings=SQUARINGS)[:n]
     phi = top[:, n:].reshape(n, q, n).transpose(1, 0, 2)
     factorials = np.cumprod(np.concatenate([[1.0], np.arange(1.0, q)]))
     V = np.vander(nodes, q, increasing=True) / factorials

@@ -10,6 +10,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from lumped.march import newton
 from lumped.network import Network, jacobian
 from lumped.parameters import Parameter, is_traced
 from lumped.waveforms import AbstractWaveform
@@ -124,7 +125,9 @@ def raise_unless_successful(result: optx.RESULTS, cure: str) -> None:
     flag = result == optx.RESULTS.successful
     if is_traced(flag) or bool(np.all(np.asarray(flag))):
         return
-    cause = optx.RESULTS[result] if np.ndim(np.asarray(flag)) == 0 else "a case of the batch failed"
+    cause = "a case of the batch failed."
+    if np.ndim(np.asarray(flag)) == 0:
+        cause = " ".join(optx.RESULTS[result].split("\n\n")[0].split())
     raise RuntimeError(f"No solution was found: {cause or 'the solver did not converge.'} {cure}")
 
 
@@ -160,11 +163,10 @@ def steady_state(network: Network) -> Float[Array, " m"]:
     if network.is_linear:
         return jnp.linalg.solve(jacobian(network, 0.0, zero), -network.residual(0.0, zero))
 
-    def newton(_: Any, z: Array) -> Array:
-        return z - jnp.linalg.solve(jacobian(network, 0.0, z), network.residual(0.0, z))
+    def correction(z: Array) -> Array:
+        return jnp.linalg.solve(jacobian(network, 0.0, z), network.residual(0.0, z))
 
-    start = zero + 1.0  # at rest a quadratic loss has no slope
-    z = jax.lax.fori_loop(0, 12, newton, start)
+    z, _ = newton(correction, zero + 1.0)  # at rest a quadratic loss has no slope
     return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))
 
 

@@ -18,7 +18,7 @@ import equinox as eqx
 
 from lumped.blocks import Coronary
 from lumped.network import Network, connect
-from lumped.parameters import Parameter, check_range, parameter
+from lumped.parameters import Parameter, check_range, optional_parameter, parameter, real
 from lumped.sources import PressureSource
 from lumped.stress import StressRule, scale_resistances
 from lumped.units import MMHG
@@ -56,7 +56,7 @@ def condition_from_clinic(
     P_systolic_mmHg: Parameter, P_diastolic_mmHg: Parameter, period_s: Parameter
 ) -> Condition:
     """A condition from pressures in mmHg and the cycle length in s."""
-    return Condition(P_systolic_mmHg * MMHG, P_diastolic_mmHg * MMHG, period_s)
+    return Condition(real(P_systolic_mmHg) * MMHG, real(P_diastolic_mmHg) * MMHG, period_s)
 
 
 class Surrogate(eqx.Module):
@@ -75,10 +75,10 @@ class Surrogate(eqx.Module):
     alpha: Parameter = parameter(default=1.0)
     coronary: Coronary = eqx.field(default_factory=lambda: nominal_coronary())
     C0: Parameter = parameter(default=C0_NOMINAL)
-    K: Parameter | None = None
+    K: Parameter | None = optional_parameter()
 
     def __check_init__(self):
-        check_range(self, above=("alpha", "C0"), least=("R0",))
+        check_range(self, above=("alpha", "C0"), least=("R0", "K"))
 
     def network(
         self,

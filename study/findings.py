@@ -4,10 +4,13 @@ import dataclasses
 import math
 from collections.abc import Iterator
 
+import jax.numpy as jnp
 import numpy as np
 
+from calibration.identifiability import RATIO_PARAMETERS, RatioIdentifiability
+from calibration.identifiability import identifiability as combinations
 from lumped import ML_PER_MIN, MM, MMHG
-from study.patient import QUADRATIC, Vessel
+from study.patient import LINEAR, QUADRATIC, Vessel
 from study.pipeline import CALIBRATED, FIXED, CaseResult, Run
 from study.tuning import ratio_error
 
@@ -85,27 +88,26 @@ def identifiability(result: CaseResult) -> list[str]:
     """What the measured resting ratio determines, and what it leaves open."""
     case = result.patient.case
     own = result.calibrations[case.surrogate.law]
-    sd, given = ratio_error(case.conditions["rest"]), case.conditions["rest"].ffr_sd is not None
+    rest = case.conditions["rest"]
     factor = math.exp(1.96 * own.sd_log) if own.sd_log < 10.0 else math.inf
-    source = "given in the case" if given else "assumed from repeated measurements"
-    rest = result.run("rest")
-    flat = [n for n in ("C0", "C_a", "C_im") if abs(rest.at_fixed_alpha[n]) < 1e-3]
-    texts = [
-        "One number was measured, so one combination of parameters is determined: the resistance "
-        "of the outlet relative to that of the artery. Alpha holds for the R0 (and K) used here; "
-        "another R0 gives another alpha at the same ratio.",
-        f"With an error of {sd:.3f} in the measured ratio ({source}), alpha = {own.alpha:.3g} is "
-        f"known to within a factor of {factor:.2f} (95 %).",
+    source = "assumed from repeated measurements" if rest.ffr_sd is None else "given in the case"
+    return [
+        *_determined(result.run("rest"), ratio_error(rest)),
+        "Alpha belongs to the R0 (and K) used here: another R0 gives another alpha at the same "
+        f"ratio. With an error of {ratio_error(rest):.3f} in the measured ratio ({source}), alpha "
+        f"= {own.alpha:.3g} is known to within a factor of {factor:.2f} (95 %).",
+        "How the total divides between R_1, R_2 and R_3 does not show at rest, but it decides what "
+        "the printed stress rule does, because that rule changes R_2 alone.",
     ]
-    if flat:
-        texts.append(
-            f"The ratio says nothing about {_listed(flat)}: only pressure or flow waveforms would."
-        )
-    texts.append(
-        "How the total divides between R_1, R_2 and R_3 does not show at rest either, but it "
-        "decides what the printed stress rule does, because that rule changes R_2 alone."
-    )
-    return texts
+
+
+def _determined(rest: Run, error: float) -> list[str]:
+    """Which combination of parameters the ratio fixes, from its sensitivities at fixed α."""
+    names = tuple(name for name in (*RATIO_PARAMETERS, "K") if name in rest.at_fixed_alpha)
+    slopes = jnp.array([rest.at_fixed_alpha[name] for name in names])
+    data = combinations(rest.ratio * slopes[None, :] / error, names)
+    found = RatioIdentifiability(jnp.array(rest.ratio), names, slopes, data)
+    return list(found.sentences() if rest.law == LINEAR else data.sentences()[:2])
 
 
 def _listed(names: list[str]) -> str:

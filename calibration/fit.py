@@ -206,6 +206,7 @@ def minimise(
             solver,
             y0,
             inputs,
+            {"bend": eqx.combine(jax.lax.stop_gradient(inputs), static)[2].bend},
             max_steps=max_steps,
             adjoint=optx.ImplicitAdjoint(lx.SVD(rcond=HESSIAN_RANK)),
             throw=False,
@@ -256,7 +257,7 @@ def data_residual(
         return jnp.concatenate([item(candidate) for item in data])
 
 
-def _all_residuals(y: Float[Array, " n"], inputs: Any) -> Float[Array, " kp"]:
+def _all_residuals(y: Float[Array, " n"], inputs: Any) -> Float[Array, " kn"]:
     model, data, axes = inputs
     u = axes.scaled(y)
     own = data_residual(axes.values(u), model, axes.free, data)

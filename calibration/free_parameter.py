@@ -15,7 +15,8 @@ Bounds are a smooth map u(y), as in MINUIT (James & Roos 1975, Comput Phys Commu
 Unlike the logistic map, which puts a bound at infinity, these reach it at a finite y where
 du/dy = 0 and d²u/dy² ≠ 0: a fit that ends at a bound converges, and its second derivative there
 stays regular, so that the implicit-function theorem still holds (dx/d data = 0). The Jacobian
-du/dy enters the solver by differentiation; uncertainties are computed in u and do not see it.
+du/dy enters the solver by differentiation, d²u/dy² as the option `bend`; uncertainties are
+computed in u and see neither.
 """
 
 import difflib
@@ -195,6 +196,18 @@ class Coordinates(eqx.Module):
                 columns.append(self.u_start[i] + y[i])
         return jnp.stack(columns)
 
+    def bend(self, y: Float[Array, " n"]) -> Float[Array, " n"]:
+        """u″/u′ of the map u(y), 0 where u′ = 0: how sharply it turns towards a bound."""
+        columns = []
+        for i, parameter in enumerate(self.free):
+            if parameter.lower is not None and parameter.upper is not None:
+                columns.append(-_divided(jnp.sin(y[i]), jnp.cos(y[i])))
+            elif parameter.lower is not None or parameter.upper is not None:
+                columns.append(_divided(1.0, y[i] * (1.0 + y[i] ** 2)))
+            else:
+                columns.append(jnp.zeros(()))
+        return jnp.stack(columns)
+
     def unbounded(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
         """y(u), moved inside where u is at a bound or beyond."""
         edge = jnp.sin(0.5 * jnp.pi - INSIDE)
@@ -228,15 +241,17 @@ class Coordinates(eqx.Module):
             flags.append(high.astype(int) - low.astype(int))
         return jnp.stack(flags)
 
-    def prior_residual(self, u: Float[Array, " n"]) -> Float[Array, " p"]:
-        """(u − prior)/sd of the parameters that have a prior."""
+    def prior_residual(self, u: Float[Array, " n"]) -> Float[Array, " n"]:
+        """(u − prior)/sd of each parameter, 0 where it has no prior."""
         rows = []
         for i, parameter in enumerate(self.free):
-            if parameter.prior is not None:
-                centre, sd = parameter.prior
-                width = sd if parameter.scale == "log" else sd / self.unit[i]
-                rows.append((u[i] - self._to_scaled(i, centre)) / width)
-        return jnp.stack(rows) if rows else jnp.zeros(0)
+            if parameter.prior is None:
+                rows.append(jnp.zeros(()))
+                continue
+            centre, sd = parameter.prior
+            width = sd if parameter.scale == "log" else sd / self.unit[i]
+            rows.append((u[i] - self._to_scaled(i, centre)) / width)
+        return jnp.stack(rows)
 
     def _to_scaled(self, i: int, x: Any) -> Any:
         if x is None:
@@ -245,6 +260,10 @@ class Coordinates(eqx.Module):
 
     def _logarithmic(self) -> np.ndarray:
         return np.array([parameter.scale == "log" for parameter in self.free])
+
+
+def _divided(a: Any, b: Array) -> Array:
+    return jnp.where(b == 0.0, 0.0, a / jnp.where(b == 0.0, 1.0, b))
 
 
 def _root(gap: Array) -> Array:

@@ -6,12 +6,18 @@ At y with residual r and Jacobian J = U S Vᵀ the step and its promised gain ar
 
 The damping starts at a share of the largest s² and follows Nielsen's rule. The fit ends when the
 gain still promised falls below ½ (atol + rtol s_max)²: the optimum is then atol posterior standard
-deviations away, or as near as the round-off of the predictions (about s_max in size) allows.
+deviations away, or as near as the round-off of the predictions (about s_max in size) allows. Gains
+below the round-off of the cost cannot be told from noise; after a few such steps the fit ends too.
+
+Where y is a smooth map u(y) of bounded variables u, the curvature next to a bound comes from the
+map and not from JᵀJ. Its exact part diag(∂cost/∂u_i · u_i″) is added to JᵀJ where positive; the
+map enters by its bend u″/u′ in `options`. A fit that ends with two of three parameters at bounds
+took 18 steps with it and 59 without.
 
 It exists beside `optimistix.LevenbergMarquardt`, whose damping starts at 1 whatever the scale of
 the residuals: of 200 starts up to a factor 4 off, that one lost 17 % to a plateau on the waveform
-fit of the tests, stopped early where its damping happened to be large, and needed over 250 steps
-to a bound. The singular values also serve where the data leave combinations undetermined: those
+fit of the tests and stopped early where its damping happened to be large. The singular values
+also serve where the data leave combinations undetermined: those
 stay where they started.
 
 Source: Madsen, Nielsen & Tingleff 2004, Methods for Non-Linear Least Squares Problems, alg. 3.16.
@@ -24,13 +30,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Bool, Float, PyTree, Scalar
+from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this share of the largest count as zero."""
 
 ROUND_OFF = 1e-14
 """Change of the cost, as a share of it, that says nothing."""
+
+QUIET_STEPS = 8
+"""Steps with gains below round-off that are still taken; each divides the damping by ten."""
 
 
 class _State(eqx.Module):
@@ -42,6 +51,7 @@ class _State(eqx.Module):
     b: Float[Array, " n"]
     damping: Float[Array, ""]
     growth: Float[Array, ""]
+    quiet: Int[Array, ""]
     first: Bool[Array, ""]
     done: Bool[Array, ""]
     result: optx.RESULTS
@@ -49,6 +59,8 @@ class _State(eqx.Module):
 
 class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
     """A least-squares solver of optimistix for one vector of variables and one of residuals.
+
+    Supports the option `bend`: the function u″(y)/u′(y) of a map to bounded variables.
 
     Attributes:
         atol: distance from the optimum, in posterior standard deviations, that counts as none.
@@ -77,6 +89,7 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
             b=jnp.zeros(n),
             damping=one,
             growth=2.0 * one,
+            quiet=jnp.zeros((), int),
             first=jnp.asarray(True),
             done=jnp.asarray(False),
             result=optx.RESULTS.successful,
@@ -96,7 +109,9 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
         sound = jnp.isfinite(cost) & jnp.all(jnp.isfinite(J))
         fell = cost <= state.cost * (1.0 + ROUND_OFF)
         taken = sound & (state.first | fell)
-        s, V, b = _decompose(jnp.where(sound, J, 0.0), jnp.where(sound, r, 0.0))
+        J, r = jnp.where(sound, J, 0.0), jnp.where(sound, r, 0.0)
+        bend = options["bend"](state.trial) if "bend" in options else jnp.zeros_like(state.trial)
+        s, V, b = _decompose(J, r, jnp.maximum(bend * (r @ J), 0.0))
 
         ratio = (state.cost - cost) / jnp.where(state.gain > 0.0, state.gain, 1.0)
         ratio = jnp.where(jnp.isfinite(ratio), ratio, 0.0)
@@ -113,6 +128,8 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
         b, cost = jnp.where(taken, b, state.b), jnp.where(taken, cost, state.cost)
         y = jnp.where(taken, state.trial, y)
         dy, gain = _step(s, V, b, damping)
+        quiet = state.quiet + (gain <= ROUND_OFF * cost).astype(int)
+        near = gain <= 0.5 * (self.atol + self.rtol * s[0]) ** 2
         lost = state.first & ~sound
         return (
             y,
@@ -125,8 +142,9 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
                 b=b,
                 damping=damping,
                 growth=growth,
+                quiet=quiet,
                 first=jnp.asarray(False),
-                done=gain <= 0.5 * (self.atol + self.rtol * s[0]) ** 2,
+                done=near | (quiet > QUIET_STEPS),
                 result=optx.RESULTS.where(lost, optx.RESULTS.nonfinite, optx.RESULTS.successful),
             ),
             aux,
@@ -154,12 +172,16 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
 
 
 def _decompose(
-    J: Float[Array, "m n"], r: Float[Array, " m"]
+    J: Float[Array, "m n"], r: Float[Array, " m"], curvature: Float[Array, " n"]
 ) -> tuple[Float[Array, " n"], Float[Array, "n n"], Float[Array, " n"]]:
-    """Singular values, right vectors (rows) and Uᵀ r, by QR of [J, r] and an n × n SVD."""
+    """Singular values, right vectors (rows) and Uᵀ r, by QR and an n × n SVD.
+
+    The curvature enters as rows of J of its own, with residuals 0.
+    """
     n = J.shape[1]
     both = jnp.concatenate([J, r[:, None]], axis=1)
-    R = jnp.linalg.qr(jnp.concatenate([both, jnp.zeros((n + 1, n + 1))]), mode="r")
+    own = jnp.diag(jnp.append(jnp.sqrt(curvature), 0.0))
+    R = jnp.linalg.qr(jnp.concatenate([both, own]), mode="r")
     U, s, V = jnp.linalg.svd(R[:n, :n])
     return s, V, U.T @ R[:n, n]
 

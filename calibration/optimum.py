@@ -34,9 +34,9 @@ class Outcome(eqx.Module):
     values: Float[Array, "*b n"]
     slope: Float[Array, "*b n"]
     residual: Float[Array, "*b k"]
-    prior_residual: Float[Array, "*b p"]
+    prior_residual: Float[Array, "*b n"]
     jacobian: Float[Array, "*b k n"]
-    prior_jacobian: Float[Array, "*b p n"]
+    prior_jacobian: Float[Array, "*b n n"]
     covariance_scaled: Float[Array, "*b n n"]
     at_bound: Int[Array, "*b n"]
     identifiability: Identifiability

@@ -1,6 +1,5 @@
 """Profile likelihood: the cost along one parameter, the others fitted anew."""
 
-import math
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -10,8 +9,12 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from calibration.fit import CHUNK, Fit, data_residual, minimise
+from calibration.fit import CHUNK, data_residual, minimise
 from calibration.free_parameter import check_start, coordinates, write
+from calibration.optimum import Fit
+
+MAX_STEPS = 256
+"""Solver steps allowed at each value."""
 
 
 class Profile(eqx.Module):
@@ -62,8 +65,9 @@ def _profile(model, at, rest, data, solver, steps):
         if not rest:
             residual = data_residual(value[None], model, (at,), data)
             return jnp.sum(residual**2) + own, jnp.zeros(0), optx.RESULTS.successful
-        outcome = minimise(fixed, rest, data, solver, 1, 0.0, jax.random.key(0), 256)
+        outcome = minimise(fixed, rest, data, solver, 1, 0.0, jax.random.key(0), MAX_STEPS)
         cost = jnp.sum(outcome.residual**2) + jnp.sum(outcome.prior_residual**2)
         return cost + own, outcome.values, outcome.result
 
-    return jax.lax.map(one, steps, batch_size=min(CHUNK, math.prod(steps.shape)))
+    # `lax.map` cannot chunk empty results, and without other parameters there is nothing to chunk
+    return jax.lax.map(one, steps, batch_size=CHUNK) if rest else jax.vmap(one)(steps)

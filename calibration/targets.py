@@ -164,21 +164,21 @@ def interpolate(
     n = t.shape[0]
     phase = jnp.mod(at, period)
     left = jnp.clip(jnp.searchsorted(t, phase, side="right") - 1, 0, n - 1)
-    index = left[:, None] + jnp.arange(-1, 3)[None, :]
+    index = left[:, None] + jnp.arange(-1, 3, dtype=left.dtype)[None, :]
     knots = t[index % n] + period * (index // n).astype(t.dtype)
     # distances in units of the interval keep the products near 1
     width = knots[:, 2] - knots[:, 1]
     s = (knots - phase[:, None]) / jnp.where(width > 0.0, width, 1.0)[:, None]
+    # coinciding breakpoints repeat a time: of equal knots only the first counts
+    kept = [jnp.all(s[:, :j] != s[:, j : j + 1], axis=1) for j in range(4)]
     total = jnp.zeros_like(phase)
     for i in range(4):
-        weight = jnp.ones_like(phase)
+        weight = jnp.where(kept[i], 1.0, 0.0)
         for j in range(4):
             if j != i:
                 gap = s[:, i] - s[:, j]
-                # coinciding breakpoints repeat a time: of equal knots only the first counts
-                same = 1.0 if j > i else 0.0
                 factor = -s[:, j] / jnp.where(gap == 0.0, 1.0, gap)
-                weight = weight * jnp.where(gap == 0.0, same, factor)
+                weight = weight * jnp.where(kept[j] & (gap != 0.0), factor, 1.0)
         total = total + weight * values[index[:, i] % n]
     return total
 

@@ -11,6 +11,7 @@ from calibration import (
     NetworkExperiment,
     fit,
     fit_batch,
+    identifiability,
     mean_flow_target,
     mean_pressure_target,
     profile,
@@ -36,7 +37,7 @@ NAMES = ("R0", "alpha", "coronary.C_a", "coronary.C_im", "C0")
 REST = condition_from_clinic(110.0, 65.0, 0.8)
 TRUTH = Surrogate(R0=5e3, alpha=0.3)
 TIMES = np.arange(256) * (0.8 / 256)
-SD_P, SD_Q = 0.5 * MMHG, 0.05
+SD_P, SD_Q = 0.1 * MMHG, 0.01
 
 
 def waveforms(P, Q):
@@ -53,8 +54,13 @@ def waveforms(P, Q):
 
 def predictions(model):
     experiment = waveforms(np.zeros(256), np.zeros(256))
-    solution = experiment.solution(model)
+    solution = solved(experiment, model)
     return [np.asarray(target.predicted(solution)) for target in experiment.targets]
+
+
+@eqx.filter_jit
+def solved(experiment, model):
+    return experiment.solution(model)
 
 
 def moved(factors, model=TRUTH, names=NAMES):
@@ -163,35 +169,11 @@ def test_derivative_of_the_optimum_is_exact_and_jit_equals_eager(batch):
     np.testing.assert_allclose(rows @ shape, central, rtol=1e-3, atol=1e-5)
 
 
-def test_active_bound_is_flagged_and_holds(exact):
-    R0, alpha = 5e3, 0.3
-    free = (
-        FreeParameter("R0", lower=1e3, upper=0.8 * R0),
-        FreeParameter("alpha", lower=1.5 * alpha),
-        FreeParameter("coronary.C_a", upper=1e-5),
-    )
-    found = fit(moved([0.6, 2.0], names=("R0", "alpha")), free, exact)
-    np.testing.assert_array_equal(found.at_bound, [1, -1, 0])
-    # the flag's own width
-    np.testing.assert_allclose(found.values[:2], [0.8 * R0, 1.5 * alpha], rtol=2e-5)
-    assert float(found.values[0]) <= 0.8 * R0
-    assert float(found.values[1]) >= 1.5 * alpha
-    slope = np.asarray(found.jacobian.T @ found.residual)
-    scale = np.linalg.norm(np.asarray(found.jacobian), axis=0)
-    assert slope[0] < -scale[0]
-    assert slope[1] > scale[1]
-    # free parameters: no slope, to the round-off of the cost (chi2 of 1e4 here) in sd
-    assert abs(slope[2]) / scale[2] < 1e-3
-    np.testing.assert_array_equal(found.sd[:2], 0.0)
-    assert float(found.sd[2]) > 0.0
-    assert "R0 ended at its upper bound" in found.messages()[0]
-
-
 def test_nonlinear_surrogate_is_fitted_by_shooting():
     truth = Surrogate(R0=4e3, alpha=0.25, K=2e3)
-    solver = Shooting(n_steps=32, order=3)
+    solver = Shooting(n_steps=16, order=1)
     empty = Experiment(REST, (), solver=solver)
-    solution = empty.solution(truth)
+    solution = solved(empty, truth)
     experiment = Experiment(
         REST,
         (
@@ -211,7 +193,8 @@ def test_rest_and_stress_together_separate_what_rest_alone_cannot():
     pressures = condition_from_clinic(130.0, 70.0, 0.5)
     experiments = []
     for condition, change in ((REST, None), (pressures, rule)):
-        solution = Experiment(condition, (), rule=change, solver=Fourier(64)).solution(TRUTH)
+        empty = Experiment(condition, (), rule=change, solver=Fourier(64))
+        solution = solved(empty, TRUTH)
         distal, flow = solution.mean_pressure("distal"), solution.mean_flow("ostium")
         targets = (
             mean_pressure_target("distal", distal, SD_P),
@@ -219,10 +202,8 @@ def test_rest_and_stress_together_separate_what_rest_alone_cannot():
         )
         experiments.append(Experiment(condition, targets, rule=change, solver=Fourier(64)))
     start = moved([1.5, 0.7, 1.2], names=names)
-    alone = fit(start, names, experiments[0])
-    assert int(alone.identifiability.rank) == 2
-    assert np.all(np.isfinite(np.asarray(alone.values)))
     both = fit(start, names, experiments)
+    assert int(identifiability(both.jacobian[:2], names).rank) == 2
     assert int(both.identifiability.rank) == 3
     # conditioning about 1e3
     np.testing.assert_allclose(both.values, read(TRUTH, as_free(names)), rtol=1e-8)
@@ -253,7 +234,7 @@ def test_network_parameters_are_fitted():
         return connect({"heart": (FlowSource(flow), "aorta"), "bed": (block, "aorta")})
 
     truth = network(100.0, 1e-3, 1200.0)
-    solution = NetworkExperiment(1.0, (), Fourier(32)).solution(truth)
+    solution = solved(NetworkExperiment(1.0, (), Fourier(32)), truth)
     target = waveform_target("aorta", solution.t, solution.pressure("aorta"), MMHG)
     found = fit(
         network(50.0, 3e-3, 800.0),
@@ -303,7 +284,7 @@ def test_profile_of_a_linear_problem_is_its_parabola():
     found = fit(LINE, LINEAR, line)
     sd = np.asarray(found.sd)[1]
     centre = float(found.values[1])
-    steps = centre + sd * np.array([-2.0, -0.5, 0.0, 1.0, 3.0])
+    steps = jnp.asarray(centre + sd * np.array([-2.0, -0.5, 0.0, 1.0, 3.0]))
     along = profile(found, "b", steps)
     # exactly quadratic; round-off of the cost
     np.testing.assert_allclose(along.rise, ((steps - centre) / sd) ** 2, atol=1e-9)
@@ -312,6 +293,37 @@ def test_profile_of_a_linear_problem_is_its_parabola():
     np.testing.assert_allclose(along.others[:, 0], expected, rtol=1e-8)
     alone = fit(LINE, LINEAR[:1], line)
     np.testing.assert_allclose(profile(alone, "a", [float(alone.values[0])]).rise, 0.0, atol=1e-9)
+
+
+def test_active_bounds_are_flagged_and_hold():
+    def decay(model):
+        curve = model["a"] * jnp.exp(-model["b"] * T) + model["c"]
+        return (curve - 2.0 * jnp.exp(-1.5 * T) - 0.3) / 0.01
+
+    free = (
+        FreeParameter("a", lower=1.0, upper=1.9),
+        FreeParameter("b", lower=1.6),
+        FreeParameter("c", lower=0.01, upper=1.0),
+    )
+    start = {"a": jnp.asarray(1.2), "b": jnp.asarray(4.0), "c": jnp.asarray(0.1)}
+    found = fit(start, free, decay)
+    np.testing.assert_array_equal(found.at_bound, [1, -1, 0])
+    # the flag's own width
+    np.testing.assert_allclose(found.values[:2], [1.9, 1.6], rtol=2e-5)
+    slope = np.asarray(found.jacobian.T @ found.residual)
+    scale = np.linalg.norm(np.asarray(found.jacobian), axis=0)
+    # the data push beyond the bounds ...
+    assert slope[0] < -scale[0]
+    assert slope[1] > scale[1]
+    # ... and leave the free one without slope, to 1e-14 of the cost (about 1e3) in sd
+    assert abs(slope[2]) / scale[2] < 1e-5
+    np.testing.assert_array_equal(found.sd[:2], 0.0)
+    assert float(found.sd[2]) == pytest.approx(float(found.values[2]) / scale[2], rel=1e-9)
+    assert found.messages()[0].startswith("a ended at its upper bound 1.9: the data push beyond.")
+    # optimistix' own method, which does not know the map, ends at the same place
+    same = fit(start, free, decay, solver=optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9))
+    np.testing.assert_allclose(same.values, found.values, rtol=1e-6)
+    assert int(found.iterations) < 0.5 * int(same.iterations)
 
 
 def test_several_starts_find_the_better_of_two_minima():
@@ -343,12 +355,6 @@ def test_failure_is_a_code_with_cause_and_cure():
 
     with pytest.raises(RuntimeError, match="Nonfinite"):
         fit(start, ["a"], broken)
-
-
-def test_other_solvers_of_optimistix_fit_too():
-    solver = optx.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
-    found = fit(LINE, LINEAR, line, solver=solver)
-    np.testing.assert_allclose(found.values, fit(LINE, LINEAR, line).values, rtol=1e-8)
 
 
 def test_batch_names_the_cases_that_failed():
@@ -392,9 +398,9 @@ def test_bad_free_parameters_are_refused(free, words, exact):
         ({"lower": 0.0}, "not positive"),
         ({"lower": np.inf}, "not finite"),
         ({"prior": (1.0, 0.0)}, "positive standard deviation"),
-        ({"scale": "decibel"}, "not known"),
+        ({"scale": "decibel"}, "scale"),
     ],
 )
 def test_bad_declarations_are_refused(options, words):
-    with pytest.raises((ValueError, TypeError), match=words if "scale" not in options else ""):
+    with pytest.raises((ValueError, TypeError), match=words):
         FreeParameter("R0", **options)

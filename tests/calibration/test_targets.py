@@ -13,11 +13,12 @@ from calibration import (
     systolic_target,
     waveform_target,
 )
-from calibration.targets import interpolate
-from lumped import MMHG, Fourier, Propagator, Shooting, Surrogate, condition_from_clinic, metrics
+from calibration.targets import interpolate as interpolate_now
+from lumped import MMHG, Fourier, Shooting, Surrogate, condition_from_clinic, metrics
 
 REST = condition_from_clinic(110.0, 65.0, 0.8)
 MODEL = Surrogate(R0=5e3, alpha=0.3)
+interpolate = jax.jit(interpolate_now)
 
 
 @pytest.fixture(scope="module")
@@ -83,22 +84,21 @@ def test_systolic_target_follows_the_envelope_theorem():
         return experiment(eqx.tree_at(lambda m: m.R0, MODEL, jnp.exp(log_R0)))[0]
 
     at, h = jnp.log(5e3), 1e-4
-    value = jax.jit(systolic)
-    central = (value(at + h) - value(at - h)) / (2 * h)
+    both = jax.jit(jax.value_and_grad(systolic))
+    central = (both(at + h)[0] - both(at - h)[0]) / (2 * h)
     # h² and round-off/h
-    np.testing.assert_allclose(jax.jit(jax.grad(systolic))(at), central, rtol=1e-6)
+    np.testing.assert_allclose(both(at)[1], central, rtol=1e-6)
 
 
-def test_default_solvers_agree_with_the_reference():
+def test_default_solvers_agree_between_samples():
     t = np.linspace(0.0, 0.8, 57, endpoint=False)
     target = waveform_target("distal", t, np.zeros(57), MMHG)
     found = [
         np.asarray(eqx.filter_jit(Experiment(REST, (target,), solver=solver))(MODEL))
-        for solver in (None, Propagator(512), Shooting(64, order=5))
+        for solver in (None, Shooting())
     ]
-    # Fourier with 256 samples: 2e-4 of the systolic pressure next to the valve's kink
-    np.testing.assert_allclose(found[0], found[1], atol=2e-4 * 110.0)
-    np.testing.assert_allclose(found[2], found[1], atol=1e-3 * 110.0)
+    # mmHg; next to the closing valve, where a slope jumps, the sampling decides
+    np.testing.assert_allclose(found[1], found[0], atol=0.1)
 
 
 def test_bad_targets_are_refused():

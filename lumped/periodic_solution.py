@@ -15,7 +15,7 @@ from lumped.network import Network, jacobian
 from lumped.parameters import Parameter, is_traced
 from lumped.waveforms import AbstractWaveform
 
-MEAN_NODES = 64
+MEAN_NODES = 72
 """Quadrature nodes a stretch between breakpoints, for the mean of the sources."""
 
 TRACE_NODES = 8
@@ -135,7 +135,7 @@ def waveform_mean(waveform: AbstractWaveform, period: Parameter) -> Array:
     """Mean of a waveform over a period, by quadrature between its breakpoints.
 
     Gauss–Legendre in s with t = t_left + h s² (3 − 2 s): the nodes crowd at the ends, where the
-    ventricle's bump is not analytic (its mean to 1e-13; without the substitution 1e-10).
+    ventricle's bump is not analytic (its mean to 1e-13; without the substitution 3e-10).
     """
     T = jnp.reshape(jnp.asarray(period, float), (1,))
     marks = jnp.sort(jnp.concatenate([jnp.zeros(1), jnp.mod(waveform.breakpoints(), T), T]))

@@ -6,6 +6,7 @@ of the cycle is always a step end and need not be listed.
 """
 
 import abc
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import equinox as eqx
@@ -259,8 +260,8 @@ class Sampled(AbstractWaveform):
 
 
 def sampled(
-    times: ArrayLike,
-    values: ArrayLike,
+    times: ArrayLike | Sequence[float],
+    values: ArrayLike | Sequence[float],
     period: Parameter,
     *,
     kind: Literal["linear", "cubic"] = "linear",

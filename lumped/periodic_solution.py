@@ -107,9 +107,8 @@ def largest_difference(
 
 def finite_or_singular(z: Float[Array, "k m"]) -> optx.RESULTS:
     """The result of a direct solution: successful where it is finite, singular where not."""
-    return optx.RESULTS.where(
-        jnp.all(jnp.isfinite(z)), optx.RESULTS.successful, optx.RESULTS.singular
-    )
+    failure = optx.RESULTS.singular
+    return optx.RESULTS.where(jnp.all(jnp.isfinite(z)), optx.RESULTS.successful, failure)  # pyright: ignore[reportArgumentType]
 
 
 def raise_unless_successful(result: optx.RESULTS, cure: str) -> None:

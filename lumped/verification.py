@@ -202,7 +202,7 @@ def _oscillation(
 
 
 def _sum(*parts: tuple[Any, ...]) -> CoronaryWaveforms:
-    return CoronaryWaveforms(*(sum(column) for column in zip(*parts, strict=True)))
+    return CoronaryWaveforms(*(np.sum(column, axis=0) for column in zip(*parts, strict=True)))
 
 
 class Pulse(AbstractWaveform):

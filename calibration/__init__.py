@@ -28,6 +28,13 @@ from calibration.reduced_law import (
     lumen_law,
     lumen_losses,
 )
+from calibration.sensitivity import (
+    REST_RULE,
+    RatioResponse,
+    alpha_response,
+    ratio_response,
+    through_calibration,
+)
 from calibration.sweep import (
     Calibrations,
     Sweep,
@@ -37,6 +44,7 @@ from calibration.sweep import (
     simulate_many,
     sweep_alpha,
 )
+from calibration.systemic import systemic_windkessel
 from calibration.targets import (
     Experiment,
     NetworkExperiment,

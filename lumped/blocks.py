@@ -38,7 +38,7 @@ class Resistance(AbstractElement):
     P_ref: Parameter = parameter(default=0.0)
 
     def __check_init__(self):
-        check_range(self, least=("R",))
+        check_range(self, least=("R",), finite=("P_ref",))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ class RC(AbstractElement):
     P_ref: Parameter = parameter(default=0.0)
 
     def __check_init__(self):
-        check_range(self, above=("R", "C"))
+        check_range(self, above=("R", "C"), finite=("P_ref",))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -156,7 +156,7 @@ class RCR(AbstractElement):
     P_ref: Parameter = parameter(default=0.0)
 
     def __check_init__(self):
-        check_range(self, above=("C", "R_distal"), least=("R_proximal",))
+        check_range(self, above=("C", "R_distal"), least=("R_proximal",), finite=("P_ref",))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -220,7 +220,7 @@ class RCRL(AbstractElement):
     P_ref: Parameter = parameter(default=0.0)
 
     def __check_init__(self):
-        check_range(self, above=("R_proximal", "C", "R_distal", "L"))
+        check_range(self, above=("R_proximal", "C", "R_distal", "L"), finite=("P_ref",))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -295,7 +295,12 @@ class Coronary(AbstractElement):
     P_venous: Parameter = parameter(default=0.0)
 
     def __check_init__(self):
-        check_range(self, above=("R_2", "R_3", "C_a", "C_im"), least=("R_1", "im_factor"))
+        check_range(
+            self,
+            above=("R_2", "R_3", "C_a", "C_im"),
+            least=("R_1", "im_factor"),
+            finite=("P_venous",),
+        )
 
     @property
     def state_names(self) -> tuple[str, ...]:

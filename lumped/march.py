@@ -7,12 +7,16 @@ Z_i = (X_i, W_i) together, Λ = a⁻¹ being the inverse of the coefficients of 
 
 and the last stage is the new state: algebraic unknowns are always consistent. Radau IIA with s
 stages has order 2 s − 1 and is L-stable; its stage order s keeps it accurate where the time
-constants of a network are far shorter than the step, which costs diagonally implicit schemes
-their order (measured on the surrogate, 256 steps: 5e-7 against 1e-11).
+constants of a network are far shorter than the step. Measured on the surrogate with 512 steps a
+cycle, largest error of any state over the cycle: 2e-6 at order 3, 7e-10 at order 5.
+
+The last stage is taken a rounding error before the end of its step, so that a source that jumps
+there is seen from the left.
 
 Source: Hairer & Wanner 1996, Solving Ordinary Differential Equations II, sec. IV.5 and VI.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
@@ -25,12 +29,16 @@ from lumped.network import Network, jacobian
 from lumped.parameters import Parameter
 
 NEWTON_ITERATIONS = 20
-"""Newton iterations allowed in a nonlinear step; the last correction is reported."""
+"""Newton iterations allowed; the size of the last correction is reported."""
 
 NEWTON_TOLERANCE = 1e-12
-"""Correction, relative to the largest unknown, at which a nonlinear step counts as solved."""
+"""Correction, relative to the largest unknown, at which a system counts as solved."""
 
 TINY = 1e-300
+EPS = float(np.finfo(float).eps)
+
+GRADING = 0.8
+"""How strongly steps shrink towards breakpoints: 0 equal steps, 1 nearly none at the ends."""
 
 
 class Scheme(NamedTuple):
@@ -94,9 +102,11 @@ def step(
         z: unknowns at t; only the states matter, the rest is a first guess.
         order: 1, 3 or 5.
     """
+    if order not in SCHEMES:
+        raise ValueError(f"There is no Radau scheme of order {order}. Use 1, 3 or 5.")
     scheme, n, m = SCHEMES[order], network.n_states, network.n_unknowns
     stages = scheme.c.shape[0]
-    times = t + dt * jnp.asarray(scheme.c)
+    times = (t + dt * jnp.asarray(scheme.c)).at[-1].add(-4.0 * EPS * (jnp.abs(t) + dt))
     coupling = jnp.asarray(scheme.inverse)[:, :, None] * (network.mass() / dt)[None, None]
 
     def equations(Z):
@@ -114,25 +124,33 @@ def step(
         Z, defect = guess - correction(guess), jnp.zeros(())
     else:
         Z, defect = jax.lax.custom_root(
-            equations, guess, partial(_newton, correction), _tangent_solve, has_aux=True
+            equations, guess, lambda _, Z: newton(correction, Z), tangent_solve, has_aux=True
         )
     return Step(Z[-1], dt * jnp.asarray(scheme.weights) @ Z, jax.lax.stop_gradient(defect))
 
 
-def _newton(correction, _, Z):
-    """Newton's method on the stages; returns them and the relative size of the last correction."""
+def newton(correction: Callable[[Array], Array], start: Array) -> tuple[Array, Float[Array, ""]]:
+    """Newton's method, x ← x − correction(x), until the correction is small.
+
+    Args:
+        correction: residual divided by its Jacobian.
+        start: first guess.
+
+    Returns:
+        The solution and the largest part of the last correction, relative to the largest unknown.
+    """
 
     def body(carry):
-        k, Z, _ = carry
-        change = correction(Z)
-        return k + 1, Z - change, jnp.max(jnp.abs(change)) / jnp.max(jnp.abs(Z) + TINY)
+        k, x, _ = carry
+        change = correction(x)
+        return k + 1, x - change, jnp.max(jnp.abs(change)) / (jnp.max(jnp.abs(x)) + TINY)
 
     def unfinished(carry):
         k, _, size = carry
         return (k < NEWTON_ITERATIONS) & (size > NEWTON_TOLERANCE)
 
-    _, Z, size = jax.lax.while_loop(unfinished, body, (0, Z, jnp.asarray(jnp.inf)))
-    return Z, size
+    _, x, size = jax.lax.while_loop(unfinished, body, (0, start, jnp.asarray(jnp.inf)))
+    return x, size
 
 
 def _stage_matrix(
@@ -147,7 +165,8 @@ def _stage_matrix(
     return matrix.reshape(stages * m, stages * m)
 
 
-def _tangent_solve(linear, y):
+def tangent_solve(linear: Callable[[Array], Array], y: Array) -> Array:
+    """Solve linear(x) = y by its matrix, for `jax.lax.custom_root`."""
     size = y.size
     matrix = jax.jacfwd(linear)(jnp.zeros_like(y)).reshape(size, size)
     return jnp.linalg.solve(matrix, y.reshape(-1)).reshape(y.shape)
@@ -198,24 +217,39 @@ def march(
 
 
 def aligned_times(
-    network: Network, period: Parameter, n_steps: int, *, cycles: int = 1
+    network: Network,
+    period: Parameter,
+    n_steps: int,
+    *,
+    cycles: int = 1,
+    grading: float = GRADING,
 ) -> Float[Array, " k1"]:
     """Step ends over whole cycles, dense enough and with one at every breakpoint.
 
     Each stretch between breakpoints is cut into equally many steps, so that the number of steps
-    is static while the breakpoints may depend on differentiated parameters; there are at least
+    is static while the breakpoints may depend on differentiated parameters. The number is even:
+    `ts[::2]` are the step ends of the same march with half the steps. There are at least
     `n_steps` a cycle.
+
+    Steps shrink towards the ends of a stretch, share = (1 − w) s + w s² (3 − 2 s) for uniform s:
+    behind a kink the fast time constants of a network have to settle, and the ventricle's bump
+    is steepest at its ends. Measured on the surrogate, order 5, 512 steps: w = 0.8 lowers the
+    largest error over the cycle from 6e-8 to 7e-10.
 
     Args:
         network: gives the breakpoints.
         period: length of a cycle [s].
         n_steps: least number of steps a cycle.
         cycles: number of cycles.
+        grading: w, from 0 (equal steps in a stretch) to 1.
     """
+    if n_steps < 1 or cycles < 1:
+        raise ValueError(f"{n_steps} steps in {cycles} cycles: both must be at least 1.")
     marks = network.breakpoints(period)
     stretches = marks.shape[0] - 1
-    each = -(-n_steps // stretches)
-    share = jnp.arange(each) / each
+    each = -(-n_steps // (2 * stretches)) * 2
+    s = np.arange(each) / each
+    share = jnp.asarray((1.0 - grading) * s + grading * s**2 * (3.0 - 2.0 * s))
     ts = (marks[:-1, None] + jnp.diff(marks)[:, None] * share[None, :]).reshape(-1)
     starts = jnp.arange(cycles, dtype=float) * period
     every = (starts[:, None] + ts[None, :]).reshape(-1)

@@ -150,8 +150,15 @@ def connect(elements: Mapping[str, tuple[Any, ...]]) -> Network:
         ValueError: an element has another number of ports than nodes were given, or a node has
             a single port, so that no flow can pass through it.
     """
+    if not elements:
+        raise ValueError("A network needs elements. Give at least a source and a block.")
     seen: dict[str, list[str]] = {}
-    for name, (element, *nodes) in elements.items():
+    for name, entry in elements.items():
+        if not (isinstance(entry, tuple) and isinstance(entry[0], AbstractElement)):
+            raise ValueError(
+                f"Entry '{name}' is {entry!r}. Give a tuple: the element, then its nodes."
+            )
+        element, *nodes = entry
         if len(nodes) != element.n_ports:
             raise ValueError(
                 f"Element '{name}' ({type(element).__name__}) has {element.n_ports} port(s) but "

@@ -27,24 +27,38 @@ def parameter(**options: Any) -> Any:
     return eqx.field(converter=real, **options)
 
 
-def check_range(owner: Any, *, above: tuple[str, ...] = (), least: tuple[str, ...] = ()) -> None:
-    """Refuse parameters that are not positive (`above`) or negative (`least`), or not finite.
+def optional_parameter() -> Any:
+    """Declare a differentiable parameter that may be absent (None)."""
+    return eqx.field(converter=lambda v: None if v is None else real(v), default=None)
+
+
+def check_range(
+    owner: Any,
+    *,
+    above: tuple[str, ...] = (),
+    least: tuple[str, ...] = (),
+    finite: tuple[str, ...] = (),
+) -> None:
+    """Refuse parameters that are not finite, not positive (`above`) or negative (`least`).
 
     Traced values cannot be looked at and pass; they were checked where they were made.
 
     Raises:
         ValueError: a concrete parameter lies outside its range.
     """
-    for names, strict in ((above, True), (least, False)):
+    demands = (
+        (above, lambda v: v > 0.0, "finite and positive"),
+        (least, lambda v: v >= 0.0, "finite and zero or positive"),
+        (finite, np.isfinite, "finite"),
+    )
+    for names, holds, demand in demands:
         for name in names:
             value = getattr(owner, name)
             if value is None or is_traced(value):
                 continue
             numbers = np.asarray(value)
-            inside = numbers > 0 if strict else numbers >= 0
-            if not (np.all(np.isfinite(numbers)) and np.all(inside)):
-                bound = "positive" if strict else "zero or positive"
+            if not np.all(np.isfinite(numbers) & holds(numbers)):
                 raise ValueError(
-                    f"{type(owner).__name__}.{name} = {value} must be finite and {bound}. "
+                    f"{type(owner).__name__}.{name} = {value} must be {demand}. "
                     "Check the sign and the unit (CGS inside: dyn/cm², cm³/s, dyn·s/cm⁵, cm⁵/dyn)."
                 )

@@ -15,8 +15,11 @@ pressure. Derivatives never run through cycles: periodic states are solutions of
 differentiated as such.
 """
 
+import jax
+import numpy as np
+
 from lumped.network import Network
-from lumped.parameters import Parameter
+from lumped.parameters import Parameter, is_traced, real
 from lumped.periodic_linear import Propagator
 from lumped.periodic_nonlinear import Shooting
 from lumped.periodic_solution import (
@@ -24,6 +27,10 @@ from lumped.periodic_solution import (
     PeriodicSolution,
     raise_unless_successful,
 )
+from lumped.statespace import is_index_one
+
+PERIOD_TOLERANCE = 1e-6
+"""Relative difference between periods that counts as none: single-precision input passes."""
 
 
 def solve_periodic(
@@ -38,24 +45,53 @@ def solve_periodic(
     Args:
         network: the network; its sources must repeat after `period`.
         period: length of the cycle [s].
-        solver: one of the solvers above; by default `Propagator` for linear networks and
-            `Shooting` for others.
+        solver: one of the solvers above; by default `Propagator` for linear networks of index 1
+            and `Shooting` for others.
         throw: raise when the solver fails (outside jit). With False look at `result`.
 
     Returns:
         The periodic state with its error estimate and Floquet multiplier.
 
     Raises:
-        ValueError: the solver does not fit the network.
+        ValueError: the solver does not fit the network, or a source does not repeat after the
+            period (not checked while tracing).
         RuntimeError: the solver did not converge.
     """
+    period = real(period)
+    require_period(network, period)
     if solver is None:
-        solver = Propagator() if network.is_linear else Shooting()
+        traced = is_traced(*jax.tree.leaves(network))
+        direct = network.is_linear and (traced or is_index_one(network))
+        solver = Propagator() if direct else Shooting()
     solution = solver(network, period)
     if throw:
         raise_unless_successful(
             solution.result,
-            "Use more steps a cycle, start with a smaller quadratic loss, or try the solver "
-            "`Cycles`, which only runs the model forward.",
+            "Is some node cut off from every pressure? Else use more steps a cycle, start with a "
+            "smaller quadratic loss, or try `Cycles`, which only runs the model forward.",
         )
     return solution
+
+
+def require_period(network: Network, period: Parameter) -> None:
+    """Refuse a period that is not positive and sources that do not repeat after it.
+
+    A smooth source may repeat several times within it; one with breakpoints must have the period
+    itself, because breakpoints are marked once a cycle.
+
+    Raises:
+        ValueError: as said; not checked while tracing.
+    """
+    if not is_traced(period) and not np.all(np.isfinite(period) & (np.asarray(period) > 0.0)):
+        raise ValueError(f"The period {period} s must be positive. Give the cycle length in s.")
+    for waveform in network.waveforms():
+        own = waveform.period
+        if own is None or is_traced(own, period):
+            continue
+        repeats = np.asarray(period) / np.asarray(own)
+        whole = np.maximum(np.round(repeats), 1.0) if waveform.breakpoints().size == 0 else 1.0
+        if not np.all(np.abs(repeats - whole) <= PERIOD_TOLERANCE * whole):
+            raise ValueError(
+                f"{type(waveform).__name__} repeats after {np.asarray(own)} s, the cycle is "
+                f"{np.asarray(period)} s. Give source and solver the same period."
+            )

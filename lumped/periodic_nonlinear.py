@@ -9,16 +9,20 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from lumped.march import Trajectory, aligned_times, march
+from lumped.march import SCHEMES, Trajectory, aligned_times, march
 from lumped.network import Network
-from lumped.parameters import Parameter
+from lumped.parameters import Parameter, real
 from lumped.periodic_solution import (
     AbstractPeriodicSolver,
     PeriodicSolution,
+    finite_or_singular,
     largest_difference,
     mean_state,
 )
 from lumped.statespace import algebraic, field
+
+LOOSER = 10.0
+"""Factor on the tolerances of the run whose difference estimates the error of `Cycles`."""
 
 
 class Shooting(AbstractPeriodicSolver):
@@ -34,10 +38,17 @@ class Shooting(AbstractPeriodicSolver):
         max_iterations: Newton steps allowed (static).
     """
 
-    n_steps: int = eqx.field(static=True, default=192)
+    n_steps: int = eqx.field(static=True, default=256)
     order: int = eqx.field(static=True, default=5)
     tolerance: float = eqx.field(static=True, default=1e-11)
     max_iterations: int = eqx.field(static=True, default=32)
+
+    def __check_init__(self):
+        if self.n_steps < 1 or self.order not in SCHEMES or self.tolerance <= 0.0:
+            raise ValueError(
+                f"Shooting(n_steps={self.n_steps}, order={self.order}, tolerance="
+                f"{self.tolerance}): steps and tolerance must be positive, the order 1, 3 or 5."
+            )
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state; also of networks of index 2 (not with a vector field)."""
@@ -45,40 +56,59 @@ class Shooting(AbstractPeriodicSolver):
         guess = jax.lax.stop_gradient(mean_state(network, period))
         scale = jnp.max(jnp.abs(guess)) + 1e-300
 
-        def cycle(x: Float[Array, " n"], args: Any, n_steps: int) -> Trajectory:
+        def cycle(x: Float[Array, " n"], args: Any, stride: int = 1) -> Trajectory:
             model, T = args
-            ts = aligned_times(model, T, n_steps)
+            ts = aligned_times(model, T, self.n_steps)[::stride]
             return march(ts, model, jnp.concatenate([x, guess[n:]]), order=self.order)
 
+        def end(x: Float[Array, " n"], args: Any) -> Float[Array, " n"]:
+            return cycle(x, args).z[-1, :n]
+
         def mismatch(xi: Float[Array, " n"], args: Any) -> Float[Array, " n"]:
-            return cycle(xi * scale, args, self.n_steps).z[-1, :n] / scale - xi
+            return end(xi * scale, args) / scale - xi
 
         newton = optx.Newton(rtol=self.tolerance, atol=self.tolerance)
-        args = (network, jnp.asarray(period, float))
+        args = (network, real(period))
         solution = optx.root_find(
             mismatch, newton, guess[:n] / scale, args, max_steps=self.max_iterations, throw=False
         )
         x0 = solution.value * scale
-        path = cycle(x0, args, self.n_steps)
-        coarse = cycle(x0, args, self.n_steps // 2)
+        path = cycle(x0, args)
+        monodromy = jax.jacfwd(end)(jax.lax.stop_gradient(x0), args)
         # before the first step only the states are known: the cycle's end is the same instant
-        z = jnp.where((path.t <= 0.0)[:, None], path.z[-1], path.z)[:-1]
-        monodromy = jax.jacfwd(lambda x: cycle(x, args, self.n_steps).z[-1, :n])(
-            jax.lax.stop_gradient(x0)
-        )
+        z = jnp.where((path.t <= 0.0)[:, None], path.z[-1:], path.z)[:-1]
         return PeriodicSolution(
             t=path.t[:-1],
             z=z,
             mean=path.integral / period,
-            period=period,
+            period=real(period),
             monodromy=monodromy,
             error_estimate=jnp.maximum(
-                largest_difference(path.z[-1, :n], coarse.z[-1, :n], path.z[:, :n]), path.defect
+                _cycle_error(cycle(x0, args, 2).z[:, :n], path.z[::2, :n], monodromy), path.defect
             ),
             iterations=solution.stats["num_steps"],
-            result=solution.result,
+            result=_finite(z, solution.result),
             network=network,
         )
+
+
+def _cycle_error(
+    coarse: Float[Array, "j n"], fine: Float[Array, "j n"], monodromy: Float[Array, "n n"]
+) -> Float[Array, ""]:
+    """Difference between two runs of one cycle, and what it does to the periodic start.
+
+    An error e of the cycle's end moves the periodic start by (I − monodromy)⁻¹ e.
+    """
+    n = monodromy.shape[0]
+    start = jnp.linalg.solve(jnp.eye(n) - monodromy, coarse[-1] - fine[-1])
+    total = jnp.abs(coarse - fine) + jnp.abs(start)[None, :]
+    return largest_difference(total, jnp.zeros_like(total), fine)
+
+
+def _finite(z: Float[Array, "k m"], result: optx.RESULTS) -> optx.RESULTS:
+    """A solver's result, unless its solution is not finite."""
+    found = finite_or_singular(z)
+    return optx.RESULTS.where(found == optx.RESULTS.successful, result, found)
 
 
 class Cycles(AbstractPeriodicSolver):
@@ -111,33 +141,11 @@ class Cycles(AbstractPeriodicSolver):
         rate = field(network)
         guess = mean_state(network, period)
         scale = jax.lax.stop_gradient(jnp.max(jnp.abs(guess)) + 1e-300)
-        marks = jax.lax.stop_gradient(network.breakpoints(period))
-        control = dfx.ClipStepSizeController(
-            dfx.PIDController(rtol=self.rtol, atol=self.atol), jump_ts=marks
-        )
-
-        def cycle(x: Float[Array, " n"], args: Any, saveat: dfx.SaveAt) -> Array:
-            model, T = args
-            solution = dfx.diffeqsolve(
-                dfx.ODETerm(rate),
-                dfx.Kvaerno5(),
-                t0=0.0,
-                t1=T,
-                dt0=None,
-                y0=x,
-                args=model,
-                saveat=saveat,
-                stepsize_controller=control,
-                adjoint=dfx.ForwardMode(),
-                max_steps=None,
-            )
-            assert solution.ys is not None
-            return solution.ys
+        args = (network, real(period))
 
         def repeat(xi: Float[Array, " n"], args: Any) -> Float[Array, " n"]:
-            return cycle(xi * scale, args, dfx.SaveAt(t1=True))[0] / scale
+            return self._cycle(rate, args, xi * scale, args[1][None])[0] / scale
 
-        args = (network, jnp.asarray(period, float))
         iteration = optx.FixedPointIteration(rtol=self.repeat, atol=self.repeat)
         solution = optx.fixed_point(
             repeat,
@@ -151,20 +159,50 @@ class Cycles(AbstractPeriodicSolver):
         monodromy = jax.lax.stop_gradient(jax.jacfwd(repeat)(xi, args))
         # one Newton step: nothing in value, the implicit-function theorem in derivative
         xi = xi + jnp.linalg.solve(jnp.eye(n) - monodromy, repeat(xi, args) - xi)
-        x0 = xi * scale
-        ts = aligned_times(network, period, self.n_samples)
-        x = cycle(x0, args, dfx.SaveAt(ts=ts))
-        w = jax.vmap(lambda t, y: algebraic(t, network, y))(ts, x)
-        z = jnp.concatenate([x, w], axis=1)
-        width = jnp.diff(ts)[:, None]
+
+        def rates(t: Any, y: Array, model: Network) -> Array:
+            z = jnp.concatenate([y[:n], algebraic(t, model, y[:n])])
+            return jnp.concatenate([model.residual(t, z)[:n] / model.mass(), z])
+
+        ts = aligned_times(network, period, self.n_samples, grading=0.0)
+        start = jnp.concatenate([xi * scale, jnp.zeros(network.n_unknowns)])
+        y = self._cycle(rates, args, start, ts)
+        x = y[:, :n]
+        frozen = jax.lax.stop_gradient((args, xi * scale))
+        loose = self._cycle(rate, *frozen, jax.lax.stop_gradient(ts), slack=LOOSER)
+        w = jax.vmap(lambda t, x: algebraic(t, network, x))(ts[:-1], x[:-1])
+        z = jnp.concatenate([x[:-1], w], axis=1)
         return PeriodicSolution(
             t=ts[:-1],
-            z=z[:-1],
-            mean=jnp.sum(0.5 * width * (z[1:] + z[:-1]), axis=0) / period,
-            period=period,
+            z=z,
+            mean=y[-1, n:] / period,
+            period=real(period),
             monodromy=monodromy,
-            error_estimate=largest_difference(x[-1], x0, x),
+            error_estimate=_cycle_error(loose, x, monodromy),
             iterations=solution.stats["num_steps"],
-            result=solution.result,
+            result=_finite(z, solution.result),
             network=network,
         )
+
+    def _cycle(
+        self, rate: Any, args: tuple[Network, Array], y0: Array, ts: Array, *, slack: float = 1.0
+    ) -> Array:
+        """States at some times of the cycle that starts from y₀."""
+        network, T = args
+        marks = jax.lax.stop_gradient(network.breakpoints(T))
+        control = dfx.PIDController(rtol=slack * self.rtol, atol=slack * self.atol)
+        solution = dfx.diffeqsolve(
+            dfx.ODETerm(rate),
+            dfx.Kvaerno5(),
+            t0=0.0,
+            t1=T,
+            dt0=None,
+            y0=y0,
+            args=network,
+            saveat=dfx.SaveAt(ts=ts),
+            stepsize_controller=dfx.ClipStepSizeController(control, jump_ts=marks),
+            adjoint=dfx.ForwardMode(),
+            max_steps=None,
+        )
+        assert solution.ys is not None
+        return solution.ys

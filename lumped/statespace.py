@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from lumped.march import NEWTON_ITERATIONS
+from lumped.march import newton, tangent_solve
 from lumped.network import Network, jacobian
 from lumped.parameters import Parameter, is_traced
 
@@ -134,19 +134,16 @@ def algebraic(t: Parameter, network: Network, x: Float[Array, " n"]) -> Float[Ar
     one step for linear networks.
     """
     n = network.n_states
-    iterations = 1 if network.is_linear else NEWTON_ITERATIONS
 
     def closures(w):
         return network.residual(t, jnp.concatenate([x, w]))[n:]
 
-    def newton(f, w):
-        def body(_, w):
-            return w - jnp.linalg.solve(jax.jacfwd(f)(w), f(w))
-
-        return jax.lax.fori_loop(0, iterations, body, w)
-
-    def tangent_solve(linear, y):
-        return jnp.linalg.solve(jax.jacfwd(linear)(jnp.zeros_like(y)), y)
+    def correction(w):
+        return jnp.linalg.solve(jax.jacfwd(closures)(w), closures(w))
 
     guess = jnp.ones(network.n_unknowns - n)  # at rest a quadratic loss has no slope
-    return jax.lax.custom_root(closures, guess, newton, tangent_solve)
+    if network.is_linear:
+        return guess - correction(guess)
+    return jax.lax.custom_root(
+        closures, guess, lambda _, w: newton(correction, w)[0], tangent_solve
+    )

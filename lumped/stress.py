@@ -94,7 +94,8 @@ def transition(
     Raises:
         ValueError: `hold` is neither, or the networks differ in structure.
     """
-    if rest.names != stress.names or rest.n_states != stress.n_states:
+    states = [[e.state_names for e in network.elements] for network in (rest, stress)]
+    if rest.names != stress.names or states[0] != states[1]:
         raise ValueError("The two networks must have the same elements and states.")
     if hold == "pressure":
         start = jnp.zeros(())

@@ -18,7 +18,7 @@ import equinox as eqx
 
 from lumped.blocks import Coronary
 from lumped.network import Network, connect
-from lumped.parameters import Parameter, check_range, parameter
+from lumped.parameters import Parameter, check_range, optional_parameter, parameter, real
 from lumped.sources import PressureSource
 from lumped.stress import StressRule, scale_resistances
 from lumped.units import MMHG
@@ -39,11 +39,14 @@ class Condition(eqx.Module):
         P_systolic: systolic aortic pressure [dyn/cm²].
         P_diastolic: diastolic aortic pressure [dyn/cm²].
         period: length of the cardiac cycle [s].
+        waveform: a measured beat of aortic pressure [dyn/cm²] to use instead of `AorticPressure`;
+            the ventricle then still takes its peak from P_systolic.
     """
 
     P_systolic: Parameter = parameter()
     P_diastolic: Parameter = parameter()
     period: Parameter = parameter()
+    waveform: AbstractWaveform | None = None
 
     def __check_init__(self):
         check_range(self, above=("P_systolic", "P_diastolic", "period"))
@@ -53,7 +56,7 @@ def condition_from_clinic(
     P_systolic_mmHg: Parameter, P_diastolic_mmHg: Parameter, period_s: Parameter
 ) -> Condition:
     """A condition from pressures in mmHg and the cycle length in s."""
-    return Condition(P_systolic_mmHg * MMHG, P_diastolic_mmHg * MMHG, period_s)
+    return Condition(real(P_systolic_mmHg) * MMHG, real(P_diastolic_mmHg) * MMHG, period_s)
 
 
 class Surrogate(eqx.Module):
@@ -72,10 +75,10 @@ class Surrogate(eqx.Module):
     alpha: Parameter = parameter(default=1.0)
     coronary: Coronary = eqx.field(default_factory=lambda: nominal_coronary())
     C0: Parameter = parameter(default=C0_NOMINAL)
-    K: Parameter | None = None
+    K: Parameter | None = optional_parameter()
 
     def __check_init__(self):
-        check_range(self, above=("alpha", "C0"), least=("R0",))
+        check_range(self, above=("alpha", "C0"), least=("R0", "K"))
 
     def network(
         self,
@@ -91,13 +94,14 @@ class Surrogate(eqx.Module):
         Args:
             condition: pressures and cycle length.
             rule: stress rule applied to the coronary bed, None at rest.
-            inlet: aortic pressure; by default `AorticPressure` of the condition.
+            inlet: aortic pressure; by default the waveform of the condition, else `AorticPressure`.
         """
         bed = scale_resistances(self.coronary, self.alpha)
         if rule is not None:
             bed = rule(bed)
         ventricle = VentricularPressure(condition.P_systolic, condition.period)
         bed = eqx.tree_at(lambda b: b.P_im, bed, ventricle)
+        inlet = condition.waveform if inlet is None else inlet
         if inlet is None:
             inlet = AorticPressure(condition.P_systolic, condition.P_diastolic, condition.period)
         ostium = Vessel(R_viscous=self.R0, C=self.C0, K_stenosis=self.K)

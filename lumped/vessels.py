@@ -4,21 +4,15 @@ A compliance or inertance that is `None` is not there: its state disappears, so 
 field never divides by zero. An array of zeros is refused for the same reason.
 """
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from lumped.elements import AbstractElement
-from lumped.parameters import Parameter, check_range, parameter, real
+from lumped.parameters import Parameter, check_range, optional_parameter, parameter, real
 
 Ports = Float[Array, " 2"]
-
-
-def optional_parameter() -> Any:
-    """Declare a parameter that may be absent (None)."""
-    return eqx.field(converter=lambda v: None if v is None else real(v), default=None)
 
 
 def quadratic_drop(R: Parameter, K: Parameter | None, Q: Array) -> Array:
@@ -52,7 +46,7 @@ class Vessel(AbstractElement):
         R_viscous: viscous resistance [dyn·s/cm⁵], zero or positive.
         C: compliance [cm⁵/dyn] or None.
         L: inertance [dyn·s²/cm⁵] or None.
-        K_stenosis: quadratic loss [dyn·s²/cm⁸] or None.
+        K_stenosis: quadratic loss [dyn·s²/cm⁸], zero or positive, or None.
     """
 
     n_ports: ClassVar[int] = 2
@@ -62,7 +56,7 @@ class Vessel(AbstractElement):
     K_stenosis: Parameter | None = optional_parameter()
 
     def __check_init__(self):
-        check_range(self, above=("C", "L"), least=("R_viscous",))
+        check_range(self, above=("C", "L"), least=("R_viscous", "K_stenosis"))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -126,7 +120,7 @@ class VesselCRL(AbstractElement):
         R_viscous: viscous resistance [dyn·s/cm⁵], zero or positive.
         C: compliance [cm⁵/dyn] or None.
         L: inertance [dyn·s²/cm⁵] or None.
-        K_stenosis: quadratic loss [dyn·s²/cm⁸] or None.
+        K_stenosis: quadratic loss [dyn·s²/cm⁸], zero or positive, or None.
     """
 
     n_ports: ClassVar[int] = 2
@@ -136,7 +130,7 @@ class VesselCRL(AbstractElement):
     K_stenosis: Parameter | None = optional_parameter()
 
     def __check_init__(self):
-        check_range(self, above=("C", "L"), least=("R_viscous",))
+        check_range(self, above=("C", "L"), least=("R_viscous", "K_stenosis"))
 
     @property
     def state_names(self) -> tuple[str, ...]:

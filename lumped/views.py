@@ -124,12 +124,8 @@ def transfer_impedance(block: AbstractElement, omega: Float[Array, " k"]) -> Com
     Raises:
         ValueError: the block is nonlinear.
     """
+    _require_linear(block, "transfer impedance")
     network = driven(block, Constant(0.0))
-    if not network.is_linear:
-        raise ValueError(
-            f"{type(block).__name__} is nonlinear and has no transfer impedance. "
-            "Linearise it with `implicit_step`."
-        )
     n, m = network.n_states, network.n_unknowns
     H = jacobian(network, 0.0, jnp.zeros(m))
     M = jnp.zeros((m, m)).at[:n, :n].set(jnp.diag(network.mass()))
@@ -149,7 +145,11 @@ def direct_current(
 
     Returns:
         R [dyn·s/cm⁵] and P₀ [dyn/cm²].
+
+    Raises:
+        ValueError: the block is nonlinear.
     """
+    _require_linear(block, "resistance")
 
     def pressure(Q):
         network = driven(block, Constant(Q))
@@ -159,3 +159,11 @@ def direct_current(
 
     P_0, R = jax.jvp(pressure, (jnp.zeros(()),), (jnp.ones(()),))
     return R, P_0
+
+
+def _require_linear(block: AbstractElement, view: str) -> None:
+    if not block.is_linear:
+        raise ValueError(
+            f"{type(block).__name__} is nonlinear and has no {view}. "
+            "Linearise it with `implicit_step`."
+        )

@@ -6,7 +6,8 @@ of the cycle is always a step end and need not be listed.
 """
 
 import abc
-from typing import Literal
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,12 +16,24 @@ from jaxtyping import Array, ArrayLike, Float
 
 from lumped.parameters import Parameter, check_range, is_traced, parameter, real
 
+if TYPE_CHECKING:
+    from typing import ClassVar as AbstractVar
+else:
+    from equinox import AbstractVar
+
 VALVE_CLOSURE = 0.35
 """Closure of the aortic valve as a share of the cycle (Puelz et al. 2024: t_peak + 0.05 T)."""
 
 
 class AbstractWaveform(eqx.Module):
-    """A scalar function of time: `waveform(t)`."""
+    """A scalar function of time: `waveform(t)`.
+
+    Attributes:
+        period: time after which it repeats [s]; infinite where it never does, and None where it
+            is the same at all times.
+    """
+
+    period: AbstractVar[Any]
 
     @abc.abstractmethod
     def __call__(self, t: Parameter) -> Array:
@@ -38,7 +51,11 @@ class Constant(AbstractWaveform):
         value: the value, in the unit of what it stands for.
     """
 
+    period: ClassVar[None] = None
     value: Parameter = parameter()
+
+    def __check_init__(self):
+        check_range(self, finite=("value",))
 
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""
@@ -160,6 +177,9 @@ class Sinusoid(AbstractWaveform):
     period: Parameter = parameter()
     phase: Parameter = parameter(default=0.0)
 
+    def __check_init__(self):
+        check_range(self, above=("period",), finite=("mean", "amplitude", "phase"))
+
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""
         angle = 2.0 * jnp.pi * t / self.period + self.phase
@@ -179,6 +199,7 @@ class Ramp(AbstractWaveform):
         t_start: time of the start value [s].
     """
 
+    period: ClassVar[float] = float("inf")
     start: Parameter = parameter()
     slope: Parameter = parameter()
     t_start: Parameter = parameter(default=0.0)
@@ -239,8 +260,8 @@ class Sampled(AbstractWaveform):
 
 
 def sampled(
-    times: ArrayLike,
-    values: ArrayLike,
+    times: ArrayLike | Sequence[float],
+    values: ArrayLike | Sequence[float],
     period: Parameter,
     *,
     kind: Literal["linear", "cubic"] = "linear",
@@ -293,6 +314,8 @@ def _spline_slopes(
 
 def _checked_beat(ts: np.ndarray, vs: np.ndarray, T: float) -> tuple[np.ndarray, np.ndarray]:
     """The samples of one beat without a closing one; refuses what is not a beat."""
+    if not (np.isfinite(T) and T > 0.0):
+        raise ValueError(f"The period {T:g} s must be positive. Give the length of the beat.")
     if ts.ndim != 1 or ts.shape != vs.shape or ts.size < 2:
         raise ValueError(
             f"A sampled waveform needs two or more times and as many values; got shapes "

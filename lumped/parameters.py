@@ -8,7 +8,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-Parameter = Float[Array, "..."] | float
+Parameter = Float[Array, "..."] | float | int
 """A physical number: an array leaf after construction; a Python number is converted."""
 
 

@@ -15,6 +15,7 @@ pressure. Derivatives never run through cycles: periodic states are solutions of
 differentiated as such.
 """
 
+import equinox as eqx
 import jax
 import numpy as np
 
@@ -27,7 +28,7 @@ from lumped.periodic_solution import (
     PeriodicSolution,
     raise_unless_successful,
 )
-from lumped.statespace import is_index_one
+from lumped.statespace import NOT_INDEX_ONE, is_index_one
 
 PERIOD_TOLERANCE = 1e-6
 """Relative difference between periods that counts as none: single-precision input passes."""
@@ -59,11 +60,12 @@ def solve_periodic(
     """
     period = real(period)
     require_period(network, period)
+    regular = is_traced(*jax.tree.leaves(network)) or is_index_one(network)
     if solver is None:
-        traced = is_traced(*jax.tree.leaves(network))
-        direct = network.is_linear and (traced or is_index_one(network))
-        solver = Propagator() if direct else Shooting()
-    solution = solver(network, period)
+        solver = Propagator() if network.is_linear and regular else Shooting()
+    if solver.needs_index_one and not regular:
+        raise ValueError(NOT_INDEX_ONE.format(", ".join(network.names)))
+    solution = _solve(solver, network, period)
     if throw:
         raise_unless_successful(
             solution.result,
@@ -71,6 +73,11 @@ def solve_periodic(
             "smaller quadratic loss, or try `Cycles`, which only runs the model forward.",
         )
     return solution
+
+
+@eqx.filter_jit
+def _solve(solver: AbstractPeriodicSolver, network: Network, period: Parameter) -> PeriodicSolution:
+    return solver(network, period)
 
 
 def require_period(network: Network, period: Parameter) -> None:

@@ -48,6 +48,11 @@ class Fourier(AbstractPeriodicSolver):
         if self.n_samples < 2 or self.n_samples % 2:
             raise ValueError(f"n_samples = {self.n_samples} must be even. Try 256.")
 
+    @property
+    def needs_index_one(self) -> bool:
+        """Where the algebraic unknowns are eliminated first."""
+        return self.reduce
+
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state.
 
@@ -136,7 +141,7 @@ def _monodromy_by_march(network: Network, period: Parameter) -> Float[Array, "n 
 
     def cycle(x):
         z0 = jnp.concatenate([x, jnp.zeros(network.n_unknowns - n)])
-        return march(ts, network, z0, order=3).z[-1, :n]
+        return march(ts, network, z0).z[-1, :n]
 
     return jax.jacfwd(cycle)(jnp.zeros(n))
 
@@ -174,6 +179,11 @@ class Propagator(AbstractPeriodicSolver):
     def __check_init__(self):
         if self.n_steps < 1:
             raise ValueError(f"n_steps = {self.n_steps} must be positive. Try 512.")
+
+    @property
+    def needs_index_one(self) -> bool:
+        """Always: it propagates the states alone."""
+        return True
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state.

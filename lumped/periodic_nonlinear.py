@@ -50,6 +50,11 @@ class Shooting(AbstractPeriodicSolver):
                 f"{self.tolerance}): steps and tolerance must be positive, the order 1, 3 or 5."
             )
 
+    @property
+    def needs_index_one(self) -> bool:
+        """Never: the march keeps all unknowns."""
+        return False
+
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state; also of networks of index 2 (not with a vector field)."""
         n = network.n_states
@@ -130,6 +135,11 @@ class Cycles(AbstractPeriodicSolver):
     repeat: float = eqx.field(static=True, default=1e-8)
     max_cycles: int = eqx.field(static=True, default=200)
     n_samples: int = eqx.field(static=True, default=256)
+
+    @property
+    def needs_index_one(self) -> bool:
+        """Always: diffrax integrates a vector field."""
+        return True
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state.

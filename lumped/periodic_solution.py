@@ -90,6 +90,11 @@ class PeriodicSolution(eqx.Module):
 class AbstractPeriodicSolver(eqx.Module):
     """A way to find the periodic state of a network."""
 
+    @property
+    @abc.abstractmethod
+    def needs_index_one(self) -> bool:
+        """Whether the network's closures must determine its algebraic unknowns."""
+
     @abc.abstractmethod
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state."""

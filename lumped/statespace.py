@@ -21,6 +21,13 @@ from lumped.march import newton, tangent_solve
 from lumped.network import Network, jacobian
 from lumped.parameters import Parameter, is_traced
 
+NOT_INDEX_ONE = (
+    "The network is not an ordinary differential equation: two compliances, or a compliance and a "
+    "pressure source, share a node without a resistance between them (or an inertance or a second "
+    "flow source follows a flow source). Merge them, put a resistance between them, or use "
+    "`Shooting`, `march` or `Fourier(reduce=False)`, which do not need it. Elements: {}."
+)
+
 
 class StateSpace(eqx.Module):
     """Matrices of a linear network; make it with `state_space`.
@@ -96,12 +103,7 @@ def _is_regular(G_w: np.ndarray) -> bool:
 def _require_index_one(network: Network, G_w: Array) -> None:
     if is_traced(G_w) or _is_regular(np.asarray(G_w)):
         return
-    raise ValueError(
-        "The network is not an ordinary differential equation: two compliances, or a compliance "
-        "and a pressure source, share a node without a resistance between them (or two flow "
-        "sources meet). Merge them, put a resistance between them, or use `march` or `Fourier`, "
-        f"which do not need it. Elements: {', '.join(network.names)}."
-    )
+    raise ValueError(NOT_INDEX_ONE.format(", ".join(network.names)))
 
 
 def field(network: Network) -> Callable[[Any, Float[Array, " n"], Any], Float[Array, " n"]]:

@@ -10,12 +10,30 @@ from calibration.alpha import (
     with_alpha,
 )
 from calibration.bisection import bisect_alpha, ratio_after_cycles, ratio_of_periodic_state
+from calibration.fit import fit, fit_batch, stacked
+from calibration.free_parameter import FreeParameter
+from calibration.gauss_newton import DampedGaussNewton
+from calibration.identifiability import (
+    Identifiability,
+    RatioIdentifiability,
+    identifiability,
+    ratio_identifiability,
+)
+from calibration.optimum import Fit
+from calibration.profile import Profile, profile
 from calibration.reduced_law import (
     LumenLosses,
     PressureFlowLaw,
     contraction_coefficient,
     lumen_law,
     lumen_losses,
+)
+from calibration.sensitivity import (
+    REST_RULE,
+    RatioResponse,
+    alpha_response,
+    ratio_response,
+    through_calibration,
 )
 from calibration.sweep import (
     Calibrations,
@@ -25,6 +43,18 @@ from calibration.sweep import (
     map_cases,
     simulate_many,
     sweep_alpha,
+)
+from calibration.systemic import systemic_windkessel
+from calibration.targets import (
+    Experiment,
+    NetworkExperiment,
+    Target,
+    diastolic_target,
+    mean_flow_target,
+    mean_pressure_target,
+    ratio_target,
+    systolic_target,
+    waveform_target,
 )
 from calibration.vascular import FreeParameters, VesselFit, calibrate_vessels
 from calibration.vessel_record import (

@@ -17,7 +17,7 @@ Z, b = lumped.implicit_step(0.0, 1e-3, x, block, 0.3, 0.3)
 print(f"implicit step: Z = {Z:.0f} dyn s/cm5, b = {b / MMHG:.1f} mmHg")
 
 # %% As a wave sees it, and over a whole cycle
-omega = 2 * jnp.pi / 0.8 * jnp.arange(4)
+omega = 2 * jnp.pi / 0.8 * jnp.arange(4.0)
 print("impedance modulus:", jnp.abs(lumped.transfer_impedance(block, omega)).round(0))
 R, P_0 = lumped.direct_current(0.0, block)
 print(f"direct current: R = {R:.0f} dyn s/cm5")

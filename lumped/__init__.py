@@ -35,6 +35,9 @@ from lumped.surrogate import (
     ffr_divider,
     nominal_coronary,
 )
+from lumped.svzerod import SvZeroDCase, SvZeroDOutput, periodic_case, simulate_case
+from lumped.svzerod_reader import read_svzerod
+from lumped.svzerod_writer import svzerod_config, write_svzerod
 from lumped.units import L_PER_MIN, ML_PER_MIN, MM, MMHG, MMHG_S_PER_ML
 from lumped.vessels import Vessel, VesselCRL
 from lumped.views import (

@@ -18,7 +18,7 @@ from lumped.periodic_solution import (
     largest_difference,
     mean_state,
 )
-from lumped.smallsolve import solve_small
+from lumped.smallsolve import modulus_bound, solve_small
 from lumped.statespace import StateSpace, state_space
 
 SMALL = 6
@@ -36,7 +36,7 @@ class Fourier(AbstractPeriodicSolver):
     square of the number of samples; `error_estimate` is the sum of the upper half of the spectrum.
 
     Attributes:
-        n_samples: samples a period (static), even.
+        n_samples: samples a period (static), a multiple of 4.
         reduce: eliminate the algebraic unknowns first (static). False solves the full pencil
             (i ω M − H), which networks of index 2 need.
     """
@@ -150,7 +150,7 @@ def _spectral_tail(x_hat: list[Array], n_samples: int) -> Float[Array, ""]:
     """Sum of the upper half of the spectrum over the largest possible value, worst state."""
     worst = jnp.zeros(())
     for row in x_hat:
-        size = jnp.abs(row)
+        size = modulus_bound(row)
         half = row.shape[0] // 2
         worst = jnp.maximum(worst, jnp.sum(size[half:]) / (jnp.sum(size) + 1e-300))
     return worst

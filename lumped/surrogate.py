@@ -39,11 +39,14 @@ class Condition(eqx.Module):
         P_systolic: systolic aortic pressure [dyn/cm²].
         P_diastolic: diastolic aortic pressure [dyn/cm²].
         period: length of the cardiac cycle [s].
+        waveform: a measured beat of aortic pressure [dyn/cm²] to use instead of `AorticPressure`;
+            the ventricle then still takes its peak from P_systolic.
     """
 
     P_systolic: Parameter = parameter()
     P_diastolic: Parameter = parameter()
     period: Parameter = parameter()
+    waveform: AbstractWaveform | None = None
 
     def __check_init__(self):
         check_range(self, above=("P_systolic", "P_diastolic", "period"))
@@ -91,13 +94,14 @@ class Surrogate(eqx.Module):
         Args:
             condition: pressures and cycle length.
             rule: stress rule applied to the coronary bed, None at rest.
-            inlet: aortic pressure; by default `AorticPressure` of the condition.
+            inlet: aortic pressure; by default the waveform of the condition, else `AorticPressure`.
         """
         bed = scale_resistances(self.coronary, self.alpha)
         if rule is not None:
             bed = rule(bed)
         ventricle = VentricularPressure(condition.P_systolic, condition.period)
         bed = eqx.tree_at(lambda b: b.P_im, bed, ventricle)
+        inlet = condition.waveform if inlet is None else inlet
         if inlet is None:
             inlet = AorticPressure(condition.P_systolic, condition.P_diastolic, condition.period)
         ostium = Vessel(R_viscous=self.R0, C=self.C0, K_stenosis=self.K)

@@ -14,22 +14,14 @@ own optimiser and are not used. svZeroDSolver has no units; files are taken to b
 """
 
 import dataclasses
-import json
 import os
-import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-_KEYS = {
-    "R_viscous": "R_poiseuille",
-    "C": "C",
-    "L": "L",
-    "K_stenosis": "stenosis_coefficient",
-}
-"""Our names of the vessel parameters and those of svZeroDSolver."""
+from lumped.svzerod_file import VESSEL_KEYS, dump_json, is_finite, load_json, raise_faults
 
 _COLUMNS = {
     "P_in": ("y", "pressure", 0),
@@ -121,7 +113,7 @@ def read_calibration(path: str | os.PathLike[str]) -> CalibrationCase:
         names=tuple(vessel["vessel_name"] for vessel in vessels),
         record=_record(config, list(nodes.values()), faults),
         initial=_initial([vessel.get("zero_d_element_values", {}) for vessel in vessels], faults),
-        free=_free(vessels, tuple(_KEYS), listed),
+        free=_free(vessels, tuple(VESSEL_KEYS), listed),
     )
     record = _record(config, [pair for _, _, pair in outlets], faults)
     junction_set = CalibrationSet(
@@ -182,24 +174,19 @@ def write_calibrated(
         part = slice(first, first + len(junction["outlet_vessels"]))
         junction["junction_type"] = "BloodVesselJunction"
         junction["junction_values"] = {
-            _KEYS[name]: outlet_values[_KEYS[name]][part] for name in _JUNCTION_NAMES
+            VESSEL_KEYS[name]: outlet_values[VESSEL_KEYS[name]][part] for name in _JUNCTION_NAMES
         }
         first = part.stop
     for key in ("y", "dy", "calibration_parameters"):
         config.pop(key)
-    _write_whole(pathlib.Path(path_out), json.dumps(config, indent=2, sort_keys=True) + "\n")
+    dump_json(path_out, config, sort_keys=True)
 
 
 # Reading
 
 
 def _load(path: str | os.PathLike[str]) -> dict[str, Any]:
-    try:
-        config = json.loads(pathlib.Path(path).read_bytes())
-    except ValueError as error:
-        raise ValueError(
-            f"{path} is not JSON: {error}. Give a svZeroDSolver calibration file."
-        ) from error
+    config = load_json(path, "svZeroDSolver calibration file")
     tables = dict.fromkeys(("y", "dy", "calibration_parameters"), dict)
     tables |= {"vessels": list, "junctions": list}
     entries = config if isinstance(config, dict) else {}
@@ -213,13 +200,12 @@ def _load(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _raise_faults(path: str | os.PathLike[str], faults: Sequence[str]) -> None:
-    if faults:
-        listing = "\n".join(f"  - {fault}" for fault in faults)
-        raise ValueError(
-            f"{path} cannot be used for calibration:\n{listing}\nCorrect these entries; a "
-            "calibration file names samples of pressure and flow, in y, and their rates, in dy, "
-            "at every node (pressure:FROM:TO, flow:FROM:TO)."
-        )
+    raise_faults(
+        f"{path} cannot be used for calibration",
+        faults,
+        "Correct these entries; a calibration file names samples of pressure and flow, in y, and "
+        "their rates, in dy, at every node (pressure:FROM:TO, flow:FROM:TO).",
+    )
 
 
 def _structure_faults(config: Mapping[str, Any]) -> list[str]:
@@ -311,17 +297,11 @@ def _sample_fault(table: Mapping[str, Any], key: str, expected: int) -> str | No
     if key not in table:
         return f"{key!r} is missing"
     values = table[key]
-    if not isinstance(values, list) or not all(_is_finite(value) for value in values):
+    if not isinstance(values, list) or not all(is_finite(value) for value in values):
         return f"{key!r} is not a list of finite numbers"
     if len(values) != expected or expected == 0:
         return f"{key!r} has {len(values)} samples, the longest entry of y has {expected}"
     return None
-
-
-def _is_finite(value: object) -> bool:
-    return (
-        isinstance(value, int | float) and not isinstance(value, bool) and bool(np.isfinite(value))
-    )
 
 
 def _outlet_values(junction: Mapping[str, Any], i: int) -> dict[str, Any]:
@@ -337,9 +317,9 @@ def _initial(
 ) -> dict[str, Float[np.ndarray, " names"]]:
     """Values in the file, 0 where there are none, as svZeroDSolver takes them."""
     initial = {}
-    for name, key in _KEYS.items():
+    for name, key in VESSEL_KEYS.items():
         column = [entry.get(key, 0.0) for entry in values]
-        if not all(_is_finite(value) for value in column):
+        if not all(is_finite(value) for value in column):
             faults.append(f"{key}: an initial value is not a finite number")
             column = [0.0] * len(column)
         initial[name] = np.array(column, dtype=float)
@@ -357,7 +337,7 @@ def _free(
             ],
             dtype=bool,
         )
-        for name, key in _KEYS.items()
+        for name, key in VESSEL_KEYS.items()
     }
 
 
@@ -378,7 +358,7 @@ def _value_lists(
     parameters: ParameterArrays, count: int, what: str, faults: list[str]
 ) -> dict[str, list[float]]:
     lists = {}
-    for name, key in _KEYS.items():
+    for name, key in VESSEL_KEYS.items():
         values = np.asarray(getattr(parameters, name), dtype=float)
         if values.shape != (count,):
             faults.append(f"{name}: shape {values.shape} given, the file has {count} {what}")
@@ -386,13 +366,3 @@ def _value_lists(
             faults.append(f"{name}: not finite for {what} {np.flatnonzero(~np.isfinite(values))}")
         lists[key] = [float(value) + 0.0 for value in values.ravel()]  # + 0.0 drops minus zero
     return lists
-
-
-def _write_whole(path: pathlib.Path, text: str) -> None:
-    """Write beside the target, then rename: a reader never sees half a file."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -21,4 +21,12 @@ from study.case import (
 )
 from study.demo import demo_case_path
 from study.faults import CaseError, Fault
+from study.findings import Note, notes, verdict
+from study.patient import Model, Patient, Vessel, load_patient
+from study.pipeline import CaseResult, Run, run_case
+from study.progress import Progress
+from study.report import html_report
+from study.results import case_document, load_document, to_json
+from study.sweep import sweep_case
 from study.template import case_template
+from study.tuning import Calibration, Tuning, calibrate_case

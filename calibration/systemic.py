@@ -1,0 +1,60 @@
+"""The systemic circulation behind the aorta: a three-element Windkessel from clinic data.
+
+    R_s = (⅔ P_diastolic + ⅓ P_systolic) / CO,   C_s = SV / (P_systolic − P_diastolic),   R_c = 10.
+
+Source: Puelz et al. 2024 (arXiv 2405.01703), section 2.2. There R_s is the whole mean pressure over
+the cardiac output, R_c comes on top of it. With SV = CO·T the product R_s C_s is
+T·MAP/(P_systolic − P_diastolic): a flow-driven run forgets its start only slowly.
+"""
+
+import numpy as np
+
+from lumped import RCR
+from lumped.parameters import Parameter, is_traced, real
+
+R_CHARACTERISTIC = 10.0
+"""Characteristic resistance of the aorta [dyn·s/cm⁵], the same for all patients of the source."""
+
+
+def systemic_windkessel(
+    P_systolic: Parameter,
+    P_diastolic: Parameter,
+    cardiac_output: Parameter,
+    stroke_volume: Parameter,
+    *,
+    R_characteristic: Parameter = R_CHARACTERISTIC,
+) -> RCR:
+    """The Windkessel of the aortic outlet at rest.
+
+    All arguments are differentiated. A batch goes through `jax.vmap`.
+
+    Args:
+        P_systolic: systolic aortic pressure [dyn/cm²].
+        P_diastolic: diastolic aortic pressure [dyn/cm²], below the systolic one.
+        cardiac_output: mean flow [cm³/s], above zero; 40..150 in adults.
+        stroke_volume: volume ejected in a beat [cm³], above zero.
+        R_characteristic: resistance in series [dyn·s/cm⁵].
+
+    Returns:
+        The block with R_proximal = R_c, R_distal = R_s, C = C_s.
+
+    Raises:
+        ValueError: the pressures are swapped, or output or volume is not positive.
+    """
+    P_systolic, P_diastolic = real(P_systolic), real(P_diastolic)
+    if not is_traced(P_systolic, P_diastolic) and np.any(P_systolic <= P_diastolic):
+        raise ValueError(
+            f"P_systolic = {P_systolic} does not lie above P_diastolic = {P_diastolic} [dyn/cm²]. "
+            "Were the two swapped?"
+        )
+    flow, volume = real(cardiac_output), real(stroke_volume)
+    if not is_traced(flow, volume) and not (np.all(flow > 0.0) and np.all(volume > 0.0)):
+        raise ValueError(
+            f"Cardiac output {flow} cm³/s and stroke volume {volume} cm³ must be positive. "
+            "Give both, or leave the aortic Windkessel out."
+        )
+    return RCR(
+        R_proximal=R_characteristic,
+        C=volume / (P_systolic - P_diastolic),
+        R_distal=(2.0 * P_diastolic + P_systolic) / 3.0 / flow,
+    )

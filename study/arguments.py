@@ -1,0 +1,142 @@
+"""Arguments of the command line, with their help."""
+
+import argparse
+import math
+import pathlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from study.cache import VARIABLE
+
+LARGEST_COUNT = 1_000_000
+
+_DESCRIPTION = """\
+Pressure ratios (FFR, resting Pd/Pa) of anomalous coronary arteries by reduced models that are
+tuned to one patient. Research software, not a medical device.
+"""
+
+_EPILOG = f"""\
+examples:
+  jaxfsi template > case.toml             start a case file
+  jaxfsi run --demo                       the real patient that comes with the package
+  jaxfsi run case.toml                    results in case-results/, report.html first
+  jaxfsi show case-results                what was found, in the terminal
+
+exit status: 0 done, 1 the computation failed, 2 the input was refused, 130 interrupted.
+Compiled code is kept in the user's cache folder; {VARIABLE} names another folder, or off.
+"""
+
+_HELP = {
+    "run": (
+        "calibrate a patient at rest, predict every condition, write a report",
+        """\
+examples:
+  jaxfsi run case.toml
+  jaxfsi run --demo --out results
+  jaxfsi run case.toml --json > summary.json
+
+writes result.json and report.html into the output folder.
+""",
+    ),
+    "calibrate": (
+        "find alpha, the scale of the outlet's resistances, from the resting ratio",
+        """\
+examples:
+  jaxfsi calibrate case.toml
+  jaxfsi calibrate case.toml --json
+
+needs [condition.rest] with ffr, and R0 or an ivus anatomy; writes calibration.json.
+""",
+    ),
+    "sweep": (
+        "ratios and flows over a range of alpha",
+        """\
+examples:
+  jaxfsi sweep case.toml --alpha 0.01:10:200
+  jaxfsi sweep case.toml --alpha 0.05:1:50 --condition dobutamine --rule all
+
+alpha runs in equal ratios from FROM to TO; writes sweep.json, sweep.csv and sweep.svg.
+""",
+    ),
+    "show": (
+        "print a stored result; with --out, write its report again",
+        """\
+examples:
+  jaxfsi show case-results
+  jaxfsi show case-results/result.json --json
+  jaxfsi show case-results --out elsewhere
+""",
+    ),
+    "template": (
+        "print a commented case file to start from",
+        """\
+examples:
+  jaxfsi template > case.toml
+  jaxfsi template --out new-patient       writes new-patient/case.toml
+""",
+    ),
+}
+
+
+def parse(argv: Sequence[str]) -> argparse.Namespace:
+    """Parse the arguments of one command.
+
+    Args:
+        argv: arguments without the program's name.
+
+    Returns:
+        The options; `command` is the command's name.
+
+    Raises:
+        SystemExit: help was asked for (0), or the arguments make no sense (2).
+    """
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(
+        "jaxfsi", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=raw
+    )
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    parsers = {
+        name: commands.add_parser(
+            name,
+            help=help_,
+            description=f"{help_[0].upper()}{help_[1:]}.",
+            epilog=epilog,
+            formatter_class=raw,
+        )
+        for name, (help_, epilog) in _HELP.items()
+    }
+    for name in ("run", "calibrate", "sweep"):
+        what = parsers[name].add_mutually_exclusive_group(required=True)
+        what.add_argument("case", nargs="?", type=pathlib.Path, help="case file", metavar="CASE")
+        what.add_argument("--demo", action="store_true", help="use the bundled patient")
+    sweep = parsers["sweep"]
+    sweep.add_argument("--alpha", type=alpha_range, required=True, metavar="FROM:TO:N")
+    sweep.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
+    sweep.add_argument("--rule", help="stress rule: printed, all, or factors of the case")
+    parsers["show"].add_argument("result", type=pathlib.Path, metavar="RESULT", help="its folder")
+    for name, command in parsers.items():
+        where = "folder for the output"
+        if name in ("run", "calibrate", "sweep"):
+            where += " (default: CASE-results beside the case; ./results for --demo)"
+        command.add_argument("--out", type=pathlib.Path, metavar="DIR", help=where)
+        command.add_argument("--json", action="store_true", help="print one JSON object, only")
+    return parser.parse_args(list(argv))
+
+
+def alpha_range(text: str) -> np.ndarray:
+    """`FROM:TO:N` as N values in equal ratios."""
+    parts = text.split(":")
+    try:
+        if len(parts) != 3:
+            raise ValueError
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not FROM:TO:N; try 0.01:10:200") from None
+    if not (0.0 < low < high and math.isfinite(high)):
+        raise argparse.ArgumentTypeError(f"{text!r} must rise from above zero; try 0.01:10:200")
+    if not 2 <= count <= LARGEST_COUNT:
+        raise argparse.ArgumentTypeError(
+            f"{count} values cannot be swept; try 2 to {LARGEST_COUNT}"
+        )
+    return np.geomspace(low, high, count)

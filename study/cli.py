@@ -1,0 +1,203 @@
+"""The command line, `jaxfsi`.
+
+Exit status: 0 done, 1 the computation failed, 2 the input was refused, 130 interrupted. Results go
+to files; a summary, or with `--json` one JSON object, goes to standard output; everything else to
+standard error.
+"""
+
+import argparse
+import os
+import pathlib
+import sys
+from collections.abc import Sequence
+
+from study.arguments import parse
+from study.cache import use_cache
+from study.case import Case, read_case
+from study.demo import demo_case_path
+from study.faults import CaseError, Fault
+from study.output import OutputRefused, check_folder, write_files
+from study.pipeline import run_case
+from study.progress import Progress
+from study.provenance import provenance
+from study.report import html_report
+from study.results import (
+    REPORT_FILE,
+    RESULT_FILE,
+    Document,
+    calibration_document,
+    case_document,
+    load_document,
+    to_json,
+    without_waveforms,
+)
+from study.summary import summary
+from study.sweep import (
+    FIGURE_FILE,
+    SWEEP_FILE,
+    TABLE_FILE,
+    sweep_case,
+    sweep_figure,
+    sweep_table,
+)
+from study.template import case_template
+from study.tuning import calibrate_case
+
+DONE, FAILED, REFUSED, INTERRUPTED = 0, 1, 2, 130
+
+CALIBRATION_FILE, CASE_FILE = "calibration.json", "case.toml"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: arguments without the program's name; by default those of the process.
+
+    Returns:
+        The exit status.
+    """
+    given = list(sys.argv[1:] if argv is None else argv)
+    try:
+        options = parse(given)
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else REFUSED
+    options.command_line = ["jaxfsi", *given]
+    try:
+        _COMMANDS[options.command](options)
+    except (CaseError, OutputRefused) as refusal:
+        print(refusal, file=sys.stderr)
+        return REFUSED
+    except BrokenPipeError:
+        # The reader of the output has gone; a second complaint at exit would help nobody.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except KeyboardInterrupt:
+        print("interrupted; nothing was written", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:
+        print(f"the output could not be written: {error}", file=sys.stderr)
+        print("    try: another folder with --out, or free some space", file=sys.stderr)
+        return FAILED
+    except Exception as error:
+        if os.environ.get("JAXFSI_TRACEBACK"):
+            raise
+        print(f"the computation failed: {error or type(error).__name__}", file=sys.stderr)
+        if not isinstance(error, ValueError | RuntimeError):
+            cure = "again with JAXFSI_TRACEBACK=1 for the place, and report it"
+            print(f"    try: {cure}", file=sys.stderr)
+        return FAILED
+    return DONE
+
+
+def _run(options: argparse.Namespace) -> None:
+    case, folder = _open(options)
+    with Progress() as progress:
+        result = run_case(case, progress=progress)
+        progress.step("writing the report")
+        document = case_document(result, provenance(case, options.command_line))
+        files = {REPORT_FILE: html_report(document), RESULT_FILE: to_json(document)}
+        written = write_files(folder, files)
+    _show(options, document, written)
+
+
+def _calibrate(options: argparse.Namespace) -> None:
+    case, folder = _open(options)
+    with Progress() as progress:
+        patient, tuning = calibrate_case(case, progress=progress)
+    document = calibration_document(patient, tuning, provenance(case, options.command_line))
+    _show(options, document, write_files(folder, {CALIBRATION_FILE: to_json(document)}))
+
+
+def _sweep(options: argparse.Namespace) -> None:
+    case, folder = _open(options)
+    with Progress() as progress:
+        progress.plan({"sweeping alpha": 8.0})
+        progress.step("sweeping alpha")
+        document = sweep_case(case, options.alpha, condition=options.condition, rule=options.rule)
+    document = {**document, "provenance": provenance(case, options.command_line)}
+    files = {
+        TABLE_FILE: sweep_table(document),
+        FIGURE_FILE: sweep_figure(document),
+        SWEEP_FILE: to_json(document),
+    }
+    _show(options, document, write_files(folder, files))
+
+
+def _show_result(options: argparse.Namespace) -> None:
+    document = load_document(options.result)
+    try:
+        summary(document)
+        page = html_report(document) if options.out is not None else ""
+    except (KeyError, TypeError, IndexError, ValueError) as error:
+        problem = f"a part of the result is missing or damaged: {error!r}"
+        raise CaseError(
+            [Fault(options.result, "", None, problem, "", "run the command again")]
+        ) from error
+    written = []
+    if options.out is not None:
+        written = write_files(check_folder(options.out), {REPORT_FILE: page})
+    _show(options, document, written)
+
+
+def _template(options: argparse.Namespace) -> None:
+    text, written = case_template(), []
+    if options.out is not None:
+        folder = check_folder(options.out)
+        if (folder / CASE_FILE).exists():
+            raise OutputRefused(f"{folder / CASE_FILE}: exists already. Name another --out.")
+        written = write_files(folder, {CASE_FILE: text})
+    if options.json:
+        print(to_json({"template": text, "files": [str(path) for path in written]}), end="")
+    elif not written:
+        print(text, end="")
+    _tell(written)
+
+
+_COMMANDS = {
+    "run": _run,
+    "calibrate": _calibrate,
+    "sweep": _sweep,
+    "show": _show_result,
+    "template": _template,
+}
+
+
+def _open(options: argparse.Namespace) -> tuple[Case, pathlib.Path]:
+    """The case and the checked folder for its results; computing may begin."""
+    path = demo_case_path() if options.demo else options.case
+    case = read_case(path)
+    folder = check_folder(_folder(options, path))
+    use_cache()
+    return case, folder
+
+
+def _folder(options: argparse.Namespace, case: pathlib.Path) -> pathlib.Path:
+    """Where results go: as asked, else beside the case, and never into the package itself."""
+    package = pathlib.Path(__file__).resolve().parent
+    if options.out is not None:
+        folder = options.out
+        if folder.resolve().is_relative_to(package):
+            raise OutputRefused(
+                f"{folder}: this is inside the package, where results would be lost. "
+                "Name another folder: --out."
+            )
+        return folder
+    if options.demo:
+        return pathlib.Path("results")
+    folder = case.parent / f"{case.stem}-results"
+    return pathlib.Path(folder.name) if folder.resolve().is_relative_to(package) else folder
+
+
+def _show(options: argparse.Namespace, document: Document, written: list[pathlib.Path]) -> None:
+    if options.json:
+        files = {"files": [str(path) for path in written]} if written else {}
+        print(to_json({**without_waveforms(document), **files}), end="")
+    else:
+        print(summary(document), end="")
+    _tell(written)
+
+
+def _tell(written: list[pathlib.Path]) -> None:
+    for path in written:
+        print(f"wrote {path}", file=sys.stderr)

@@ -1,0 +1,82 @@
+"""Output files: a folder checked before any work, and files that appear whole or not at all."""
+
+import os
+import pathlib
+import tempfile
+from collections.abc import Mapping
+
+TEMPORARY_SUFFIX = ".part"
+"""Ending of a file that is still being written."""
+
+
+class OutputRefused(ValueError):
+    """The output folder cannot be used; nothing was computed and nothing was written."""
+
+
+def check_folder(folder: pathlib.Path) -> pathlib.Path:
+    """Refuse a folder that cannot be made or written to; nothing is made yet.
+
+    Raises:
+        OutputRefused: cause and cure.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputRefused(
+            f"{folder}: the output would lie here, but this is a file. Name another folder: --out."
+        )
+    nearest = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not nearest.is_dir() or not os.access(nearest, os.W_OK):
+        raise OutputRefused(
+            f"{folder}: no permission to write below {nearest}. Name another folder: --out."
+        )
+    return folder
+
+
+def write_files(folder: pathlib.Path, files: Mapping[str, str]) -> list[pathlib.Path]:
+    """Write texts into a folder, all of them or none.
+
+    Every file is first written in full under a temporary name in the same folder, then all are
+    renamed; the last one named is renamed last, so that it marks a complete set. When anything
+    fails before that, older files stay as they were and the temporary ones (and the folder, if
+    it was made here) are removed.
+
+    Args:
+        folder: where to write; made if needed.
+        files: text of each file by name.
+
+    Returns:
+        The paths written.
+    """
+    missing = [place for place in (folder, *folder.absolute().parents) if not place.exists()]
+    staged: dict[pathlib.Path, pathlib.Path] = {}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            staged[_stage(folder, name, text)] = folder / name
+        for part, path in staged.items():
+            os.replace(part, path)
+    except BaseException:
+        for part in staged:
+            part.unlink(missing_ok=True)
+        for place in missing:
+            if place.is_dir() and not any(place.iterdir()):
+                place.rmdir()
+        raise
+    return list(staged.values())
+
+
+def _stage(folder: pathlib.Path, name: str, text: str) -> pathlib.Path:
+    """Write a text under a temporary name; it is on disk when this returns."""
+    handle, part = tempfile.mkstemp(prefix=f".{name}.", suffix=TEMPORARY_SUFFIX, dir=folder)
+    path = pathlib.Path(part)
+    try:
+        with open(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        path.chmod(0o666 & ~mask)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+    return path

@@ -1,0 +1,101 @@
+"""Where a result comes from: inputs by hash, versions, command, machine, commit, date."""
+
+import datetime
+import hashlib
+import importlib.metadata
+import os
+import pathlib
+import platform
+import subprocess
+from collections.abc import Sequence
+from typing import Any
+
+from study.case import Case, IvusAnatomy, MeshAnatomy, SurfaceAnatomy
+
+PACKAGES = (
+    "jaxfsi", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy", "matplotlib",
+)  # fmt: skip
+"""Packages whose versions can move a number."""
+
+
+def provenance(case: Case, command: Sequence[str]) -> dict[str, Any]:
+    """What must be known to compute a result again.
+
+    Args:
+        case: the case; its file and all files that it names are hashed.
+        command: the command as it was given.
+    """
+    return {
+        "inputs": [_input(path, case.path.parent) for path in input_files(case)],
+        "command": list(command),
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "versions": {"python": platform.python_version(), **_versions()},
+        "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        "commit": commit(),
+    }
+
+
+def input_files(case: Case) -> list[pathlib.Path]:
+    """The case file and every file that it names, each once."""
+    files = [case.path]
+    match case.anatomy:
+        case IvusAnatomy(contours=contours, centerline=centerline):
+            files += [contours, *([centerline] if centerline is not None else [])]
+        case SurfaceAnatomy(surface=surface):
+            files.append(surface)
+        case MeshAnatomy(path=path):
+            files += sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+        case _:
+            pass
+    files += [c.waveform.path for c in case.conditions.values() if c.waveform is not None]
+    return list(dict.fromkeys(files))
+
+
+def sha256(path: pathlib.Path) -> str:
+    """Hash of a file's content, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def commit() -> str | None:
+    """Commit of the checkout that this package runs from, marked where it was changed.
+
+    None for an installed package, or without git.
+    """
+    folder = pathlib.Path(__file__).resolve().parents[1]
+    top = _git(folder, "rev-parse", "--show-toplevel")
+    if top is None or pathlib.Path(top).resolve() != folder:
+        return None
+    name = _git(folder, "rev-parse", "HEAD")
+    changed = _git(folder, "status", "--porcelain", "--untracked-files=no")
+    return f"{name} (with local changes)" if name and changed else name
+
+
+def _git(folder: pathlib.Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(folder), *arguments],
+            capture_output=True,
+            text=True,
+            timeout=10.0,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()
+
+
+def _input(path: pathlib.Path, folder: pathlib.Path) -> dict[str, Any]:
+    inside = path.is_relative_to(folder)
+    name = path.relative_to(folder).as_posix() if inside else path.name
+    return {"file": name, "sha256": sha256(path), "bytes": path.stat().st_size}
+
+
+def _versions() -> dict[str, str | None]:
+    found: dict[str, str | None] = {}
+    for name in PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = None
+    return found

@@ -1,0 +1,132 @@
+"""The report of a run: one HTML page that stands alone, made from the result's document."""
+
+import importlib.resources
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from study.figures import NAMES, figures
+from study.pipeline import CALIBRATED, FIXED
+from study.results import ratio_name
+
+Document = Mapping[str, Any]
+
+
+def html_report(document: Document) -> str:
+    """The report of a run as HTML, its figures inside.
+
+    Args:
+        document: what `study.results.case_document` made, fresh or read back.
+    """
+    text = (importlib.resources.files("study") / "templates/report.html").read_text("utf-8")
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"sig": significant, "span": span, "signed": signed}
+    return environment.from_string(text).render(
+        d=document,
+        fig={name: Markup(svg) for name, svg in figures(document).items()},
+        laws=laws(document),
+        rows=list(ratio_rows(document)),
+        gaps=list(gap_rows(document)),
+        windkessels=list(windkessel_rows(document)),
+        top=top_sensitivities(document),
+    )
+
+
+def laws(document: Document) -> list[str]:
+    """Laws with a calibration, the case's own first."""
+    return [law for law, fit in document["calibrations"].items() if "alpha" in fit]
+
+
+def ratio_rows(document: Document) -> Iterator[dict[str, Any]]:
+    """One row a condition and rule: its runs by law and boundary."""
+    settings = dict.fromkeys((run["condition"], run["rule"]) for run in document["runs"])
+    for name, rule in sorted(settings, key=lambda s: list(document["conditions"]).index(s[0])):
+        cells = {
+            (run["law"], run["boundary"]): {**run, "ratio": run[ratio_name(name)],
+                                            "sd": run[f"{ratio_name(name)}_sd"]}
+            for run in document["runs"]
+            if (run["condition"], run["rule"]) == (name, rule)
+        }  # fmt: skip
+        entry = document["conditions"][name]
+        yield {
+            "condition": name,
+            "rule": rule,
+            "first": rule is None or rule == document["rule"],
+            "measured": entry.get("measured_rest_ratio", entry.get("measured_ffr")),
+            "cells": [
+                (boundary, cells[law, boundary])
+                for law in laws(document)
+                for boundary in (FIXED, CALIBRATED)
+            ],
+        }
+
+
+def gap_rows(document: Document) -> Iterator[dict[str, Any]]:
+    """Predicted less measured ratio, where stress was measured, and at rest with the fixed outlet.
+
+    With the calibrated outlet the resting gap is zero by construction and says nothing.
+    """
+    for run in document["runs"]:
+        if run["gap"] is None or (run["condition"] == "rest" and run["boundary"] == CALIBRATED):
+            continue
+        yield {**run, "ratio": run[ratio_name(run["condition"])]}
+
+
+def windkessel_rows(document: Document) -> Iterator[dict[str, Any]]:
+    """Aortic Windkessel of each condition that has one."""
+    for name, entry in document["conditions"].items():
+        if entry["aortic_windkessel"] is not None:
+            yield {"condition": name, **entry["aortic_windkessel"]}
+
+
+def top_sensitivities(document: Document) -> list[dict[str, Any]]:
+    """What moves FFR in each stress condition, in numbers.
+
+    `per_measured` is the change of FFR for +0.01 in the measured resting ratio; `items` are the
+    three strongest of the other parameters with the change of FFR for +10 %.
+    """
+    found = []
+    for entry in document["sensitivities"]:
+        own = (entry["law"], entry["rule"]) == (document["law"], document["rule"])
+        if not own or entry["condition"] == "rest":
+            continue
+        run = next(r for r in document["runs"] if r.items() >= _setting(entry).items())
+        slopes = dict(entry["recalibrated"])
+        target = document["calibrations"][entry["law"]]["target"]
+        per_measured = 0.01 * slopes.pop("rest_ratio") * run["ffr"] / target
+        strongest = sorted(slopes.items(), key=lambda pair: -abs(pair[1]))[:3]
+        found.append(
+            {
+                "condition": entry["condition"],
+                "per_measured": per_measured,
+                "items": [
+                    (NAMES.get(name, name), run["ffr"] * (1.1**slope - 1.0))
+                    for name, slope in strongest
+                ],
+            }
+        )
+    return found
+
+
+def _setting(entry: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: entry[key] for key in ("condition", "law", "rule", "boundary")}
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """A number with so many significant digits; a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}g}"
+
+
+def signed(value: float, decimals: int = 2) -> str:
+    """A number with its sign, a true minus, and no sign on zero."""
+    text = f"{value:+.{decimals}f}"
+    return text.lstrip("+-") if float(text) == 0.0 else text.replace("-", "−")
+
+
+def span(values: list[float], digits: int = 3) -> str:
+    """Two numbers as a range."""
+    return f"{values[0]:.{digits}g} to {values[1]:.{digits}g}"

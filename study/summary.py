@@ -1,0 +1,76 @@
+"""A document as text for a terminal."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from study.report import gap_rows, laws, ratio_rows, signed
+
+Document = Mapping[str, Any]
+
+
+def summary(document: Document) -> str:
+    """The document of any command in a few lines."""
+    lines = {"run": _run, "calibrate": _calibration, "sweep": _sweep}[document["kind"]]
+    return "\n".join(lines(document)) + "\n"
+
+
+def _run(document: Document) -> Iterator[str]:
+    yield f"{document['patient']}"
+    yield ""
+    yield document["verdict"]
+    yield ""
+    columns = [f"{law[:4]}. {outlet}" for law in laws(document) for outlet in ("nominal", "calib.")]
+    yield f"{'condition':<14}{'rule':<10}{'measured':>9}" + "".join(f"{c:>15}" for c in columns)
+    for row in ratio_rows(document):
+        measured = "-" if row["measured"] is None else f"{row['measured']:.3f}"
+        cells = "".join(f"{run['ratio']:>15.3f}" for _, run in row["cells"])
+        yield f"{row['condition'][:13]:<14}{row['rule'] or '-':<10}{measured:>9}{cells}"
+    yield ""
+    yield from _alphas(document)
+    gaps = [run for run in gap_rows(document) if run["condition"] != "rest"]
+    if gaps:
+        yield ""
+        yield "predicted less measured:"
+    for run in gaps:
+        yield (
+            f"  {run['condition']}, {run['law']}, {run['rule']}, {run['boundary']}: "
+            f"{signed(run['gap']['difference'], 3)} ({signed(run['gap']['z'], 1)} sd)"
+        )
+    for note in document["notes"]:
+        if note["level"] == "warning":
+            yield ""
+            yield f"! {note['text']}"
+
+
+def _calibration(document: Document) -> Iterator[str]:
+    yield f"{document['patient']}"
+    yield from _alphas(document)
+
+
+def _alphas(document: Document) -> Iterator[str]:
+    for law, fit in document["calibrations"].items():
+        if "failure" in fit:
+            yield f"{law} law: not calibrated: {fit['failure']}"
+            continue
+        low, high = fit["alpha_95"]
+        checks = [("bisection", fit["bisection"]), ("closed form", fit["closed_form"])]
+        checked = "".join(f"; {name} {x:.10g}" for name, x in checks if x is not None)
+        yield (
+            f"{law} law: alpha = {fit['alpha']:.10g} (95 %: {low:.3g} to {high:.3g}) for a resting "
+            f"ratio of {fit['target']:g}{checked}"
+        )
+
+
+def _sweep(document: Document) -> Iterator[str]:
+    name = "rest_ratio" if document["condition"] == "rest" else "ffr"
+    rule = "" if document["rule"] is None else f', rule "{document["rule"]}"'
+    yield f"{document['patient']}: {document['condition']}, {document['law']} law{rule}"
+    yield f"{'alpha':>12}{name:>12}{'ifr':>10}{'flow mL/min':>14}"
+    rows = document["rows"]
+    step = max(1, -(-len(rows) // 20))
+    shown = rows[::step] if rows[-1] in rows[::step] else [*rows[::step], rows[-1]]
+    for row in shown:
+        yield (
+            f"{row['alpha']:>12.5g}{row[name]:>12.4f}{row['ifr']:>10.4f}"
+            f"{row['mean_flow_ml_per_min']:>14.2f}"
+        )

@@ -1,0 +1,58 @@
+"""One run of the demo case through the command line, shared by all tests that look at it."""
+
+import contextlib
+import io
+import json
+import os
+import pathlib
+from typing import Any, NamedTuple
+
+import pytest
+
+from study.cache import VARIABLE
+from study.cli import main
+
+
+class Outcome(NamedTuple):
+    """What a command returned, printed and wrote."""
+
+    status: int
+    stdout: str
+    stderr: str
+    folder: pathlib.Path
+
+    @property
+    def json(self) -> dict[str, Any]:
+        return json.loads(self.stdout)
+
+    def written(self, name: str = "result.json") -> dict[str, Any]:
+        return json.loads((self.folder / name).read_text(encoding="utf-8"))
+
+
+def run_command(*arguments: object, folder: pathlib.Path | None = None) -> Outcome:
+    """Run a command in this process, the compilation cache left off."""
+    out = [] if folder is None else ["--out", str(folder)]
+    stdout, stderr = io.StringIO(), io.StringIO()
+    before = os.environ.get(VARIABLE)
+    os.environ[VARIABLE] = "off"
+    try:
+        with contextlib.redirect_stdout(stdout), contextlib.redirect_stderr(stderr):
+            status = main([*map(str, arguments), *out])
+    finally:
+        if before is None:
+            del os.environ[VARIABLE]
+        else:
+            os.environ[VARIABLE] = before
+    return Outcome(status, stdout.getvalue(), stderr.getvalue(), folder or pathlib.Path())
+
+
+@pytest.fixture(scope="session")
+def command():
+    """Runs a command in this process."""
+    return run_command
+
+
+@pytest.fixture(scope="session")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """`jaxfsi run --demo --json`, once."""
+    return run_command("run", "--demo", "--json", folder=tmp_path_factory.mktemp("demo"))

@@ -188,6 +188,7 @@ class Trajectory(NamedTuple):
     defect: Float[Array, ""]
 
 
+@partial(jax.jit, static_argnames="order")
 def march(
     ts: Float[Array, " k1"], network: Network, z0: Float[Array, " m"], *, order: int = 5
 ) -> Trajectory:

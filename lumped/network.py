@@ -180,6 +180,7 @@ def connect(elements: Mapping[str, tuple[Any, ...]]) -> Network:
     )
 
 
+@jax.jit
 def jacobian(network: Network, t: Parameter, z: Float[Array, " m"]) -> Float[Array, "m m"]:
     """∂residual/∂z at (t, z)."""
     return jax.jacfwd(network.residual, argnums=1)(jnp.asarray(t, float), z)

@@ -174,6 +174,7 @@ def steady_state(network: Network) -> Float[Array, " m"]:
     return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))
 
 
+@jax.jit
 def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
     """Solution of the direct-current network: the exact cycle mean of a linear network.
 

@@ -129,6 +129,7 @@ def field(network: Network) -> Callable[[Any, Float[Array, " n"], Any], Float[Ar
     return vector_field
 
 
+@jax.jit
 def algebraic(t: Parameter, network: Network, x: Float[Array, " n"]) -> Float[Array, " a"]:
     """Node pressures and port flows that belong to states x at time t.
 

@@ -46,7 +46,7 @@ class Vessel(AbstractElement):
         R_viscous: viscous resistance [dyn·s/cm⁵], zero or positive.
         C: compliance [cm⁵/dyn] or None.
         L: inertance [dyn·s²/cm⁵] or None.
-        K_stenosis: quadratic loss [dyn·s²/cm⁸], zero or positive, or None.
+        K_stenosis: quadratic loss [dyn·s²/cm⁸] or None; fits to measured flow give it either sign.
     """
 
     n_ports: ClassVar[int] = 2
@@ -56,7 +56,7 @@ class Vessel(AbstractElement):
     K_stenosis: Parameter | None = optional_parameter()
 
     def __check_init__(self):
-        check_range(self, above=("C", "L"), least=("R_viscous", "K_stenosis"))
+        check_range(self, above=("C", "L"), least=("R_viscous",), finite=("K_stenosis",))
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -120,7 +120,7 @@ class VesselCRL(AbstractElement):
         R_viscous: viscous resistance [dyn·s/cm⁵], zero or positive.
         C: compliance [cm⁵/dyn] or None.
         L: inertance [dyn·s²/cm⁵] or None.
-        K_stenosis: quadratic loss [dyn·s²/cm⁸], zero or positive, or None.
+        K_stenosis: quadratic loss [dyn·s²/cm⁸] or None; fits to measured flow give it either sign.
     """
 
     n_ports: ClassVar[int] = 2
@@ -130,7 +130,7 @@ class VesselCRL(AbstractElement):
     K_stenosis: Parameter | None = optional_parameter()
 
     def __check_init__(self):
-        check_range(self, above=("C", "L"), least=("R_viscous", "K_stenosis"))
+        check_range(self, above=("C", "L"), least=("R_viscous",), finite=("K_stenosis",))
 
     @property
     def state_names(self) -> tuple[str, ...]:

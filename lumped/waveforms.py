@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
@@ -305,6 +306,7 @@ def sampled(
     return Sampled(times=real(times), values=real(values), slopes=slopes, period=period)
 
 
+@jax.jit
 def _spline_slopes(
     times: Float[Array, " k"], values: Float[Array, " k"], period: Array
 ) -> Float[Array, " k"]:

@@ -92,7 +92,7 @@ def require_period(network: Network, period: Parameter) -> None:
     if not is_traced(period) and not np.all(np.isfinite(period) & (np.asarray(period) > 0.0)):
         raise ValueError(f"The period {period} s must be positive. Give the cycle length in s.")
     for waveform in network.waveforms():
-        own = waveform.period
+        own = waveform.repeats_after()
         if own is None or is_traced(own, period):
             continue
         repeats = np.asarray(period) / np.asarray(own)

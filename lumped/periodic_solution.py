@@ -1,7 +1,7 @@
 """What a periodic state is, whichever way it was found, and its exact cycle means."""
 
 import abc
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -112,8 +112,8 @@ def largest_difference(
 
 def finite_or_singular(z: Float[Array, "k m"]) -> optx.RESULTS:
     """The result of a direct solution: successful where it is finite, singular where not."""
-    failure = optx.RESULTS.singular
-    return optx.RESULTS.where(jnp.all(jnp.isfinite(z)), optx.RESULTS.successful, failure)  # pyright: ignore[reportArgumentType]
+    finite = jnp.all(jnp.isfinite(z))
+    return optx.RESULTS.where(finite, optx.RESULTS.successful, cast(Any, optx.RESULTS.singular))
 
 
 def raise_unless_successful(result: optx.RESULTS, cure: str) -> None:

@@ -202,7 +202,10 @@ def _oscillation(
 
 
 def _sum(*parts: tuple[Any, ...]) -> CoronaryWaveforms:
-    return CoronaryWaveforms(*(np.sum(column, axis=0) for column in zip(*parts, strict=True)))
+    P, P_a, y, Q = (
+        np.sum(np.broadcast_arrays(*column), axis=0) for column in zip(*parts, strict=True)
+    )
+    return CoronaryWaveforms(P, P_a, y, Q)
 
 
 class Pulse(AbstractWaveform):
@@ -226,6 +229,10 @@ class Pulse(AbstractWaveform):
         """Value at time t [s]."""
         phase = jnp.mod(t, self.period)
         return jnp.where((phase >= self.t_on) & (phase < self.t_off), self.height, 0.0)
+
+    def repeats_after(self) -> Parameter | None:
+        """Its period [s]."""
+        return self.period
 
     def breakpoints(self) -> Float[Array, " 2"]:
         """Start and end of the pulse [s]."""

@@ -7,7 +7,7 @@ of the cycle is always a step end and need not be listed.
 
 import abc
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Literal
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,28 +16,20 @@ from jaxtyping import Array, ArrayLike, Float
 
 from lumped.parameters import Parameter, check_range, is_traced, parameter, real
 
-if TYPE_CHECKING:
-    from typing import ClassVar as AbstractVar
-else:
-    from equinox import AbstractVar
-
 VALVE_CLOSURE = 0.35
 """Closure of the aortic valve as a share of the cycle (Puelz et al. 2024: t_peak + 0.05 T)."""
 
 
 class AbstractWaveform(eqx.Module):
-    """A scalar function of time: `waveform(t)`.
-
-    Attributes:
-        period: time after which it repeats [s]; infinite where it never does, and None where it
-            is the same at all times.
-    """
-
-    period: AbstractVar[Any]
+    """A scalar function of time: `waveform(t)`."""
 
     @abc.abstractmethod
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""
+
+    @abc.abstractmethod
+    def repeats_after(self) -> Parameter | None:
+        """Time after which it repeats [s]; infinite where never, None where it never changes."""
 
     @abc.abstractmethod
     def breakpoints(self) -> Float[Array, " k"]:
@@ -51,7 +43,6 @@ class Constant(AbstractWaveform):
         value: the value, in the unit of what it stands for.
     """
 
-    period: ClassVar[None] = None
     value: Parameter = parameter()
 
     def __check_init__(self):
@@ -60,6 +51,10 @@ class Constant(AbstractWaveform):
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""
         return real(self.value)
+
+    def repeats_after(self) -> Parameter | None:
+        """None: it is the same at all times."""
+        return None
 
     def breakpoints(self) -> Float[Array, " 0"]:
         """None: the value never changes."""
@@ -122,6 +117,10 @@ class AorticPressure(AbstractWaveform):
         g = phase / (0.3 * self.period) - 1.0
         return (self.P_systolic - self.P_diastolic) * smooth_bump(g, 2.0) + self.P_diastolic
 
+    def repeats_after(self) -> Parameter | None:
+        """Its period [s]."""
+        return self.period
+
     def breakpoints(self) -> Float[Array, " 1"]:
         """Closure of the valve [s]."""
         return VALVE_CLOSURE * jnp.reshape(real(self.period), (1,))
@@ -157,6 +156,10 @@ class VentricularPressure(AbstractWaveform):
         h = 2.0 * (phase - t_shift) / (t_s - t_shift) - 1.0
         return self.P_peak * smooth_bump(h, 0.3)
 
+    def repeats_after(self) -> Parameter | None:
+        """Its period [s]."""
+        return self.period
+
     def breakpoints(self) -> Float[Array, " 2"]:
         """Start and end of the ventricle's contraction [s]."""
         return jnp.stack([0.0692 * real(self.period), 0.4 * real(self.period)])
@@ -185,6 +188,10 @@ class Sinusoid(AbstractWaveform):
         angle = 2.0 * jnp.pi * t / self.period + self.phase
         return self.mean + self.amplitude * jnp.cos(angle)
 
+    def repeats_after(self) -> Parameter | None:
+        """Its period [s]."""
+        return self.period
+
     def breakpoints(self) -> Float[Array, " 0"]:
         """None: smooth everywhere."""
         return jnp.zeros(0)
@@ -199,7 +206,6 @@ class Ramp(AbstractWaveform):
         t_start: time of the start value [s].
     """
 
-    period: ClassVar[float] = float("inf")
     start: Parameter = parameter()
     slope: Parameter = parameter()
     t_start: Parameter = parameter(default=0.0)
@@ -207,6 +213,10 @@ class Ramp(AbstractWaveform):
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""
         return real(self.start + self.slope * (t - self.t_start))
+
+    def repeats_after(self) -> Parameter | None:
+        """Never."""
+        return float("inf")
 
     def breakpoints(self) -> Float[Array, " 0"]:
         """None: smooth everywhere."""
@@ -253,6 +263,10 @@ class Sampled(AbstractWaveform):
             + b * s**2 * (3 - 2 * s)
             - db * s**2 * (1 - s)
         )
+
+    def repeats_after(self) -> Parameter | None:
+        """Its period [s]."""
+        return self.period
 
     def breakpoints(self) -> Float[Array, " k"]:
         """The sample times [s]."""

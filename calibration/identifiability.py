@@ -5,8 +5,8 @@ in units of its size) let J = ∂r/∂u = U S Vᵀ. Along the direction v_k of u
 parameters to ±1/s_k; where s_k = 0 they say nothing, and any multiple of v_k may be added. The
 covariance of the Laplace approximation is (JᵀJ)⁻¹ = V S⁻² Vᵀ.
 
-Source: Bard 1974, Nonlinear Parameter Estimation, chapter 7; the choice of reference
-parameters is the pivoted elimination of Golub & Van Loan 2013, Matrix Computations, sec. 5.4.2.
+Source: Bard 1974, Nonlinear Parameter Estimation, chapter 7; the choice of reference parameters
+is the pivoted elimination of Golub & Van Loan 2013, sec. 5.4.2.
 """
 
 from collections.abc import Sequence

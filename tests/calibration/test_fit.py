@@ -386,18 +386,3 @@ def test_batch_names_the_cases_that_failed():
 def test_bad_free_parameters_are_refused(free, words, exact):
     with pytest.raises(ValueError, match=words):
         fit(TRUTH, free, exact)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"lower": 2.0, "upper": 1.0}, "leave no room"),
-        ({"lower": 0.0}, "not positive"),
-        ({"lower": np.inf}, "not finite"),
-        ({"prior": (1.0, 0.0)}, "positive standard deviation"),
-        ({"scale": "decibel"}, "scale"),
-    ],
-)
-def test_bad_declarations_are_refused(options, words):
-    with pytest.raises((ValueError, TypeError), match=words):
-        FreeParameter("R0", **options)

@@ -1,0 +1,1 @@
+"""From an anatomy to a labelled, conforming mesh of blood and wall."""

@@ -44,7 +44,8 @@ def label_faces(
 
     Raises:
         ValueError: two openings share a name, an opening has no blood face or no cut wall round
-            it, or part of the fluid's boundary lies neither in an opening nor on the solid.
+            it, its ball cuts through the wall, or part of the fluid's boundary lies neither in an
+            opening nor on the solid.
     """
     names = [opening.name for opening in openings]
     _check_names(names)
@@ -62,7 +63,7 @@ def label_faces(
         if has_solid and not np.any(ring == i):
             raise ValueError(
                 f"the opening {name!r} near {place(openings[i].centre)} has no cut wall round it."
-                " Enlarge its radius to hold the wall, or check that the wall reaches the plane."
+                " Check that the wall reaches its plane and lies in its ball."
             )
     open_faces = bounds.fluid[cap < 0]
     if has_solid and len(open_faces):
@@ -102,19 +103,34 @@ def _cap_of(
     normals = np.cross(edges[:, 1], edges[:, 2])
     best = np.full(len(faces), np.inf)
     cap = np.full(len(faces), -1, dtype=np.int64)
+    planes: list[Bool[np.ndarray, " faces"]] = []
     for i, opening in enumerate(openings):
         offset = corners - opening.centre
         height = np.max(np.abs(offset @ opening.normal), axis=1, initial=0.0)
         distance = np.sqrt(np.max(np.sum(offset**2, axis=2), axis=1, initial=0.0))
-        inside: Bool[np.ndarray, " faces"] = (
-            (height <= _PLANE_TOLERANCE * longest)
-            & (distance <= opening.radius)
-            & (normals @ opening.normal > 0.0)
-            & (distance < best)
+        in_plane: Bool[np.ndarray, " faces"] = (height <= _PLANE_TOLERANCE * longest) & (
+            normals @ opening.normal > 0.0
         )
+        inside = in_plane & (distance <= opening.radius) & (distance < best)
         cap[inside] = i
         best[inside] = distance[inside]
+        planes.append(in_plane)
+    for i, opening in enumerate(openings):
+        if _touch(faces[cap == i], faces[planes[i] & (cap < 0)]):
+            raise ValueError(
+                f"the ball of the opening {opening.name!r} near {place(opening.centre)}, radius"
+                f" {opening.radius:.4g} cm, cuts through the faces in its plane. Enlarge it to hold"
+                " the wall of its vessel."
+            )
     return cap
+
+
+def _touch(some: Int[np.ndarray, "some 3"], others: Int[np.ndarray, "others 3"]) -> bool:
+    """Whether triangles share an edge with others."""
+    if len(some) == 0 or len(others) == 0:
+        return False
+    known, _ = unique_rows(np.sort(triangle_edges(others).reshape(-1, 2), axis=1))
+    return bool(np.any(find_rows(triangle_edges(some).reshape(-1, 2), known) >= 0))
 
 
 def labelled_mesh(

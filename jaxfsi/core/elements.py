@@ -1,0 +1,86 @@
+"""Linear tetrahedra as arrays: gradients of the shape functions, gather and scatter.
+
+Component arrays come first and the long axis last: a nodal vector field is ``(3, nodes)``, its
+values at the corners of the elements ``(3, 4, tets)``. Sums over the short axes are written out,
+which XLA turns into one loop over the elements.
+
+With the edges eₖ = xₖ − x₀ of an element, det = e₁·(e₂×e₃) = 6 V and::
+
+    ∇N₁ = e₂×e₃/det,  ∇N₂ = e₃×e₁/det,  ∇N₃ = e₁×e₂/det,  ∇N₀ = −(∇N₁ + ∇N₂ + ∇N₃)
+
+Source: Zienkiewicz & Taylor 2000, The Finite Element Method, vol. 1, section 6.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+
+class Geometry(NamedTuple):
+    """Shape of the elements.
+
+    Attributes:
+        grad: gradients of the four shape functions [1/cm].
+        volume: signed volumes [cm³].
+    """
+
+    grad: Float[Array, "3 4 tets"]
+    volume: Float[Array, " tets"]
+
+
+def geometry(x: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"]) -> Geometry:
+    """Gradients and volumes of linear tetrahedra with node positions x [cm]."""
+    corner = x[:, tets]
+    e = [corner[:, i] - corner[:, 0] for i in (1, 2, 3)]
+    normal = [
+        jnp.cross(e[1], e[2], axis=0),
+        jnp.cross(e[2], e[0], axis=0),
+        jnp.cross(e[0], e[1], axis=0),
+    ]
+    det = jnp.sum(e[0] * normal[0], axis=0)
+    others = [n / det for n in normal]
+    return Geometry(jnp.stack([-(others[0] + others[1] + others[2]), *others], axis=1), det / 6.0)
+
+
+def scatter(
+    values: Float[Array, "4 tets"], tets: Int[Array, "4 tets"], n_nodes: int
+) -> Float[Array, " nodes"]:
+    """Sum the contributions of all elements to each node."""
+    return jnp.zeros(n_nodes, values.dtype).at[tets.reshape(-1)].add(values.reshape(-1))
+
+
+def gradient(
+    values: Float[Array, "4 tets"], shape: Geometry
+) -> tuple[Float[Array, " tets"], Float[Array, " tets"], Float[Array, " tets"]]:
+    """Gradient of a nodal field on each element, one array a direction."""
+    g = shape.grad
+    x, y, z = (
+        g[j, 0] * values[0] + g[j, 1] * values[1] + g[j, 2] * values[2] + g[j, 3] * values[3]
+        for j in range(3)
+    )
+    return x, y, z
+
+
+def area_vectors(
+    x: Float[Array, "3 nodes"], faces: Int[Array, "3 faces"]
+) -> Float[Array, "3 faces"]:
+    """Normal of each triangle times its area [cm²], outwards where the faces are oriented so."""
+    corner = x[:, faces]
+    return jnp.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], axis=0) / 2.0
+
+
+def flux(
+    u: Float[Array, "3 nodes"], x: Float[Array, "3 nodes"], faces: Int[Array, "3 faces"]
+) -> Float[Array, ""]:
+    """∫ u·n over the triangles [cm³/s]."""
+    return jnp.sum(jnp.mean(u[:, faces], axis=1) * area_vectors(x, faces))
+
+
+def face_load(
+    traction: Float[Array, "3 faces"], faces: Int[Array, "3 faces"], n_nodes: int
+) -> Float[Array, "3 nodes"]:
+    """Nodal forces of a force per face, shared equally by its corners [dyn]."""
+    third = jnp.broadcast_to(traction[:, None, :] / 3.0, (3, *faces.shape))
+    zero = jnp.zeros(n_nodes, traction.dtype)
+    return jnp.stack([zero.at[faces.reshape(-1)].add(f.reshape(-1)) for f in third])

@@ -1,0 +1,227 @@
+"""Preconditioner of the coupled step: a frozen wall factor and a pressure Schur complement.
+
+The linearised step has the form [A G; D C] in velocity and pressure. With Â ≈ A and S ≈ C − D A⁻¹ G
+the upper triangular approximate inverse is::
+
+    z_p = S⁻¹ r_p,   z_u = Â⁻¹ (r_u − G z_p)
+
+Â is a factor of the wall's block with the blood's share of its nodes, and the diagonal of A in the
+blood. The least-squares stabilisation τ_C is of the size of inertia on coarse meshes and has to be
+part of A: without it there are three times as many iterations. S uses the diagonal of A in the
+blood, and on the interface the wall's response to a uniform pressure, node by node.
+
+Everything is assembled once at the reference shape with the blood at rest. Measured on the elastic
+tube of 10 000 elements (Δt 1e-4 s, E 3e6 dyn/cm²): 7 iterations to 1e-3, as many as with the exact
+Schur complement; 5 with an exact blood block.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Array, Float, Int
+from scipy.sparse.linalg import splu
+
+from jaxfsi.core.assembly import (
+    MASS,
+    HostGeometry,
+    assembled,
+    assembled_vector,
+    host_geometry,
+    isotropic_stiffness,
+    stiffness,
+)
+from jaxfsi.core.elements import scatter
+from jaxfsi.core.generalized_alpha import GeneralizedAlpha
+from jaxfsi.core.level_factor import LevelFactor, level_factor, level_solve
+from jaxfsi.core.model import Model
+
+
+class Preconditioner(eqx.Module):
+    """Frozen approximate inverse of the linearised step.
+
+    Attributes:
+        wall: factor of the wall's block.
+        wall_nodes: nodes of that block.
+        inverse_diagonal: of A at the blood's own nodes, 0 elsewhere.
+        pressure: factor of S.
+        pressure_nodes: nodes that carry a pressure.
+        gradient: G of each element, −α_f ∂N V/4.
+        fluid_tets: corners of the fluid elements.
+        velocity_scale: A^(−1/2) of each velocity, by its diagonal.
+        pressure_scale: S^(−1/2) of each pressure, by its diagonal.
+    """
+
+    wall: LevelFactor
+    wall_nodes: Int[Array, " wall"]
+    inverse_diagonal: Float[Array, "3 nodes"]
+    pressure: LevelFactor
+    pressure_nodes: Int[Array, " wet"]
+    gradient: Float[Array, "3 4 tets"]
+    fluid_tets: Int[Array, "4 tets"]
+    velocity_scale: Float[Array, "3 nodes"]
+    pressure_scale: Float[Array, " nodes"]
+
+
+class _Blocks(NamedTuple):
+    A_wall: sp.csr_matrix
+    diagonal: Float[np.ndarray, "nodes 3"]
+    G: tuple[sp.csr_matrix, ...]
+    D: tuple[sp.csr_matrix, ...]
+    C: sp.csr_matrix
+
+
+def preconditioner(
+    dt: float, model: Model, method: GeneralizedAlpha, *, dtype: type = np.float32
+) -> Preconditioner:
+    """Factor the step of a model with concrete parameters."""
+    points = np.asarray(model.x).T
+    held, in_solid = np.asarray(model.held), np.asarray(model.in_solid)
+    in_fluid = np.asarray(model.in_fluid)
+    fluid = np.asarray(model.fluid_tets).T
+    shape = host_geometry(points, fluid)
+    blocks = _blocks(dt, model, method, shape)
+    wall_nodes = np.flatnonzero(in_solid & ~held)
+    unknowns = (3 * wall_nodes[:, None] + np.arange(3)).ravel()
+    A_wall = blocks.A_wall[unknowns][:, unknowns]
+    free_fluid = in_fluid & ~in_solid & ~held
+    inverse_diagonal = np.where(free_fluid[:, None], 1.0 / blocks.diagonal, 0.0)
+    wet = np.flatnonzero(in_fluid)
+    S = blocks.C
+    for i in range(3):
+        S = S - blocks.D[i] @ sp.diags(inverse_diagonal[:, i]) @ blocks.G[i]
+    S = S + sp.diags(_wall_response(blocks, A_wall, wall_nodes, in_fluid & in_solid))
+    S = ((S + S.T) / 2.0).tocsr()[wet][:, wet]
+    S_diagonal = np.ones(len(points))
+    S_diagonal[wet] = S.diagonal()
+    alpha_f = method.alpha_f
+    grad = -alpha_f * shape.grad * shape.volume[:, None, None] / 4.0
+    return Preconditioner(
+        level_factor(A_wall, block=3, dtype=dtype),
+        jnp.asarray(wall_nodes),
+        jnp.asarray(inverse_diagonal.T),
+        level_factor(S, dtype=dtype),
+        jnp.asarray(wet),
+        jnp.asarray(np.moveaxis(grad, 0, 2).swapaxes(0, 1)),
+        model.fluid_tets,
+        jnp.asarray(np.where(held[:, None], 1.0, blocks.diagonal**-0.5).T),
+        jnp.asarray(S_diagonal**-0.5),
+    )
+
+
+def _per_tet(value: object, n: int) -> Float[np.ndarray, " tets"]:
+    return np.broadcast_to(np.asarray(value, float), (n,))
+
+
+def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeometry) -> _Blocks:
+    """Blocks of the step with the blood at rest, three velocities a node in A_wall."""
+    points = np.asarray(model.x).T
+    n_nodes = len(points)
+    fluid, solid = np.asarray(model.fluid_tets).T, np.asarray(model.solid_tets).T
+    w_a, w_u, w_d = (float(w) for w in method.weights(dt))
+    rho = float(model.blood.rho_f)
+    mu = np.asarray(model.blood.viscosity(jnp.ones(len(fluid))))
+    metric = np.einsum("eai,eaj->eij", shape.grad[:, 1:], shape.grad[:, 1:])
+    rate = np.sqrt(4.0 / dt**2 + 36.0 * (mu / rho) ** 2 * np.sum(metric**2, axis=(1, 2)))
+    tau = 1.0 / (rho * rate)
+    tau_continuity = rho * rate / np.trace(metric, axis1=1, axis2=2)
+    fluid_moduli = (w_u * tau_continuity, w_u * mu)
+    fluid_mass = w_a * rho * shape.volume
+    diagonal = _diagonal(fluid, shape, fluid_mass, *fluid_moduli, n_nodes)
+    near = np.any(np.asarray(model.in_solid)[fluid], axis=1)
+    A_wall = _vector_block(
+        fluid[near],
+        HostGeometry(shape.grad[near], shape.volume[near]),
+        fluid_mass[near],
+        *(m[near] for m in fluid_moduli),
+        n_nodes,
+    )
+    if model.wall is not None:
+        solid_shape = host_geometry(points, solid)
+        lam, G = (w_d * _per_tet(m, len(solid)) for m in model.wall.material.moduli)
+        G = G + w_u * _per_tet(model.wall.damping, len(solid))
+        mass = w_a * _per_tet(model.wall.rho_s, len(solid)) * solid_shape.volume
+        A_wall = A_wall + _vector_block(solid, solid_shape, mass, lam, G, n_nodes)
+        diagonal = diagonal + _diagonal(solid, solid_shape, mass, lam, G, n_nodes)
+    quarter = shape.volume / 4.0
+    G_block, D_block = [], []
+    for i in range(3):
+        slope = shape.grad[:, :, i] * quarter[:, None]
+        spread = np.repeat(slope[:, :, None], 4, axis=2)  # row: gradient, column: value
+        G_block.append(assembled(fluid, -w_u * spread, n_nodes))
+        weak = w_u * np.swapaxes(spread, 1, 2) + (w_a * rho * tau)[:, None, None] * spread
+        D_block.append(assembled(fluid, weak, n_nodes))
+    C = assembled(fluid, stiffness(shape, w_u * tau), n_nodes)
+    diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
+    return _Blocks(A_wall, diagonal, tuple(G_block), tuple(D_block), C)
+
+
+def _vector_block(tets, shape, mass, lam, G, n_nodes) -> sp.csr_matrix:
+    values = isotropic_stiffness(shape, lam, G)
+    for i in range(3):
+        values[:, :, i, :, i] += mass[:, None, None] * MASS
+    return assembled_vector(tets, values, n_nodes)
+
+
+def _diagonal(tets, shape, mass, lam, G, n_nodes) -> Float[np.ndarray, "nodes 3"]:
+    square = shape.grad**2
+    values = (lam + G)[:, None, None] * square + (G[:, None] * np.sum(square, axis=2))[..., None]
+    values = values * shape.volume[:, None, None] + (mass / 10.0)[:, None, None]
+    return np.stack(
+        [np.bincount(tets.ravel(), values[:, :, i].ravel(), n_nodes) for i in range(3)], axis=1
+    )
+
+
+def _wall_response(blocks, A_wall, wall_nodes, interface) -> Float[np.ndarray, " nodes"]:
+    """Volume flow that a uniform unit pressure presses into the wall at each interface node."""
+    response = np.zeros(len(interface))
+    if not len(wall_nodes):
+        return response
+    ones = np.ones(len(interface))
+    push = np.stack([-(G @ ones)[wall_nodes] for G in blocks.G], axis=1)
+    velocity = splu(A_wall.tocsc()).solve(push.ravel()).reshape(-1, 3)
+    for i in range(3):
+        field = np.zeros(len(interface))
+        field[wall_nodes] = velocity[:, i]
+        response += blocks.D[i] @ field
+    return np.where(interface, np.maximum(response, 0.0), 0.0)
+
+
+def _weak_gradient(M: Preconditioner, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
+    """G p: force of a pressure on the nodes."""
+    total = jnp.sum(p[M.fluid_tets], axis=0)
+    return jnp.stack([scatter(g * total, M.fluid_tets, p.shape[0]) for g in M.gradient])
+
+
+def _weak_gradient_transposed(
+    M: Preconditioner, u: Float[Array, "3 nodes"]
+) -> Float[Array, " nodes"]:
+    total = jnp.sum(M.gradient * u[:, M.fluid_tets], axis=(0, 1))
+    return scatter(jnp.broadcast_to(total, M.fluid_tets.shape), M.fluid_tets, u.shape[1])
+
+
+def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
+    solved = level_solve(M.wall, r[:, M.wall_nodes].T.reshape(-1)).reshape(-1, 3).T
+    return (r * M.inverse_diagonal).at[:, M.wall_nodes].set(solved)
+
+
+def _pressure_solve(M: Preconditioner, r: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
+    return jnp.zeros_like(r).at[M.pressure_nodes].set(level_solve(M.pressure, r[M.pressure_nodes]))
+
+
+def precondition(
+    M: Preconditioner, r_u: Float[Array, "3 nodes"], r_p: Float[Array, " nodes"]
+) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
+    """Apply the approximate inverse to residuals of momentum and continuity."""
+    z_p = _pressure_solve(M, r_p)
+    return _velocity_solve(M, r_u - _weak_gradient(M, z_p)), z_p
+
+
+def precondition_transposed(
+    M: Preconditioner, r_u: Float[Array, "3 nodes"], r_p: Float[Array, " nodes"]
+) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
+    """Apply the transpose of `precondition`; Â and S are symmetric."""
+    z_u = _velocity_solve(M, r_u)
+    return z_u, _pressure_solve(M, r_p - _weak_gradient_transposed(M, z_u))

@@ -1,0 +1,82 @@
+"""Balance of momentum of the wall on linear tetrahedra in its reference configuration.
+
+::
+
+    ∫ ρ_s N_a a dV + ∫ (P(F) + F S₀ + P_v) ∇N_a dV = loads
+
+with the first Piola-Kirchhoff stress P of the material, a prestress S₀ (second Piola-Kirchhoff,
+Hsu & Bazilevs 2011, eq. 8) and Kelvin-Voigt damping P_v = F 2η Ė.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jaxfsi.core.elements import Geometry, gradient, scatter
+from jaxfsi.core.materials import AbstractMaterial, Tensor, product, transposed
+from lumped.parameters import Parameter, parameter
+
+
+class Wall(eqx.Module):
+    """What the wall is made of.
+
+    Attributes:
+        material: elastic law.
+        rho_s: density [g/cm³].
+        damping: Kelvin-Voigt viscosity η [g/(cm·s)].
+        support_stiffness: of the tissue outside, traction per displacement [dyn/cm³].
+        support_damping: of the tissue outside, traction per velocity [dyn·s/cm³].
+    """
+
+    material: AbstractMaterial
+    rho_s: Parameter = parameter(default=1.1)
+    damping: Parameter = parameter(default=0.0)
+    support_stiffness: Parameter = parameter(default=0.0)
+    support_damping: Parameter = parameter(default=0.0)
+
+
+def deformation_gradient(
+    d: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry
+) -> Tensor:
+    """F = I + ∂d/∂X on each element."""
+    corner = d[:, tets]
+    rows = [jnp.stack(gradient(corner[i], shape)) for i in range(3)]
+    return jnp.stack(rows) + jnp.eye(3)[:, :, None]
+
+
+def solid_residual(
+    u: Float[Array, "3 nodes"],
+    a: Float[Array, "3 nodes"],
+    d: Float[Array, "3 nodes"],
+    wall: Wall,
+    tets: Int[Array, "4 tets"],
+    shape: Geometry,
+    prestress: Float[Array, "3 3 tets"] | None = None,
+) -> Float[Array, "3 nodes"]:
+    """Internal and inertial forces of the wall on each node [dyn].
+
+    Args:
+        u: velocity [cm/s].
+        a: acceleration [cm/s²].
+        d: displacement from the reference configuration [cm].
+        wall: what the wall is made of.
+        tets: elements of the wall.
+        shape: their geometry in the reference configuration.
+        prestress: second Piola-Kirchhoff stress that is there without deformation [dyn/cm²].
+    """
+    n_nodes = u.shape[1]
+    F = deformation_gradient(d, tets, shape)
+    rate = deformation_gradient(u, tets, shape) - jnp.eye(3)[:, :, None]
+    strain_rate = product(transposed(F), rate)
+    S = wall.damping * (strain_rate + transposed(strain_rate))
+    if prestress is not None:
+        S = S + prestress
+    stress = (wall.material.stress(F) + product(F, S)) * shape.volume
+    corner = a[:, tets]
+    mass = wall.rho_s * shape.volume / 20.0
+    rows = []
+    for i in range(3):
+        inertia = mass * (corner[i] + jnp.sum(corner[i], axis=0))
+        internal = jnp.sum(shape.grad * stress[i][:, None], axis=0)
+        rows.append(scatter(inertia + internal, tets, n_nodes))
+    return jnp.stack(rows)

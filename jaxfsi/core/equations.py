@@ -8,7 +8,6 @@ mass of the blood is implicit.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 

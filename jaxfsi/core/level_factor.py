@@ -16,6 +16,8 @@ one of a compact body, for which this is the wrong tool.
 Source: Golub & Van Loan 2013, Matrix Computations, section 4.5.1.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -41,29 +43,53 @@ class LevelFactor(eqx.Module):
     place: Int[Array, " unknowns"]
 
 
-def breadth_first_levels(graph: sp.csr_matrix) -> Int[np.ndarray, " nodes"]:
-    """Level of each node, counted from a far end of its component."""
+def breadth_first_levels(
+    graph: sp.csr_matrix, starts: Sequence[Int[np.ndarray, " _"]] = ()
+) -> Int[np.ndarray, " nodes"]:
+    """Level of each node of a breadth-first search, chosen for narrow levels.
+
+    Args:
+        graph: symmetric; its entries say which nodes are coupled.
+        starts: sets of nodes to try as the first level, such as the ends of vessels; a far node
+            is tried in any case.
+
+    Returns:
+        The levels whose sizes have the smallest sum of squares.
+    """
     n_components, component = connected_components(graph, directed=False)
-    level = np.zeros(graph.shape[0], dtype=int)
-    for index in range(n_components):
-        nodes = np.flatnonzero(component == index)
-        part = graph[nodes][:, nodes]
-        start = 0
-        for _ in range(3):  # towards a far end: each search starts where the last one ended
-            distance = dijkstra(part, directed=False, indices=start, unweighted=True)
-            start = int(np.argmax(distance))
-        distance = dijkstra(part, directed=False, indices=start, unweighted=True)
-        level[nodes] = distance.astype(int)
-    return level
+    first = [np.unique(component, return_index=True)[1]]
+    for _ in range(3):  # towards a far end: each search starts where the last one ended
+        distance = _distance(graph, first[-1])
+        order = np.lexsort((-distance, component))
+        first.append(order[np.unique(component[order], return_index=True)[1]])
+    candidates = [first[-1]]
+    for start in starts:
+        missing = np.setdiff1d(np.arange(n_components), component[start])
+        candidates.append(np.concatenate([start, first[-1][missing]]))
+    levels = [_distance(graph, nodes) for nodes in candidates if len(nodes)]
+    return min(levels, key=lambda level: np.sum(np.bincount(level) ** 2))
 
 
-def level_factor(matrix: sp.csr_matrix, *, block: int = 1, dtype: type = np.float64) -> LevelFactor:
+def _distance(graph: sp.csr_matrix, start: Int[np.ndarray, " _"]) -> Int[np.ndarray, " nodes"]:
+    """Number of edges from each node to the nearest of a set."""
+    distance = dijkstra(graph, directed=False, indices=start, unweighted=True, min_only=True)
+    return distance.astype(int)
+
+
+def level_factor(
+    matrix: sp.csr_matrix,
+    *,
+    block: int = 1,
+    dtype: type = np.float64,
+    starts: Sequence[Int[np.ndarray, " _"]] = (),
+) -> LevelFactor:
     """Factor a symmetric matrix.
 
     Args:
         matrix: symmetric, with ``block`` unknowns in a row for each node.
         block: unknowns a node.
         dtype: precision in which the factor is kept.
+        starts: sets of nodes to try as the first level, see `breadth_first_levels`.
 
     Raises:
         ValueError: a level's block cannot be inverted.
@@ -75,7 +101,7 @@ def level_factor(matrix: sp.csr_matrix, *, block: int = 1, dtype: type = np.floa
         (np.ones(nodes.nnz), (nodes.row // block, nodes.col // block)),
         shape=(n_unknowns // block,) * 2,
     )
-    level = np.repeat(breadth_first_levels(graph), block)
+    level = np.repeat(breadth_first_levels(graph, starts), block)
     members = [np.flatnonzero(level == k) for k in range(level.max(initial=-1) + 1)]
     width = max((len(m) for m in members), default=0)
     shape = (len(members), width, width)

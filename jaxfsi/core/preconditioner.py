@@ -99,16 +99,31 @@ def preconditioner(
     alpha_f = method.alpha_f
     grad = -alpha_f * shape.grad * shape.volume[:, None, None] / 4.0
     return Preconditioner(
-        level_factor(A_wall, block=3, dtype=dtype),
+        level_factor(A_wall, block=3, dtype=dtype, starts=_ends(model, wall_nodes)),
         jnp.asarray(wall_nodes),
         jnp.asarray(inverse_diagonal.T),
-        level_factor(S, dtype=dtype),
+        level_factor(S, dtype=dtype, starts=_ends(model, wet)),
         jnp.asarray(wet),
         jnp.asarray(np.moveaxis(grad, 0, 2).swapaxes(0, 1)),
         model.fluid_tets,
         jnp.asarray(np.where(held[:, None], 1.0, blocks.diagonal**-0.5).T),
         jnp.asarray(S_diagonal**-0.5),
     )
+
+
+def _ends(model: Model, nodes: Int[np.ndarray, " part"]) -> list[np.ndarray]:
+    """Places among `nodes` of what lies on or next to each opening."""
+    tets = np.concatenate([np.asarray(model.fluid_tets).T, np.asarray(model.solid_tets).T])
+    place = np.full(model.n_nodes, -1)
+    place[nodes] = np.arange(len(nodes))
+    ends = []
+    for faces in model.port_faces:
+        reached = np.zeros(model.n_nodes, bool)
+        reached[np.asarray(faces)] = True
+        while np.any(reached) and not np.any(place[reached] >= 0):
+            reached[tets[np.any(reached[tets], axis=1)]] = True
+        ends.append(place[reached][place[reached] >= 0])
+    return ends
 
 
 def _per_tet(value: object, n: int) -> Float[np.ndarray, " tets"]:

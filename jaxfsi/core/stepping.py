@@ -140,7 +140,6 @@ def advance_step(model: Model, state: State, stepper: Stepper) -> tuple[State, S
     guess = extrapolated(state.t + dt, model, state)
     y, (n_linear, n_nonlinear, remainder) = _solve(guess, model, step, frozen_stepper)
     new = _updated(y, model, step, method)
-    reference = jnp.linalg.norm  # noqa: F841
     volume = step.fluid_shape.volume
     least = jnp.min(volume, initial=jnp.inf) / jnp.max(volume, initial=1e-300)
     finite = jnp.all(jnp.isfinite(y.u)) & jnp.all(jnp.isfinite(y.p))

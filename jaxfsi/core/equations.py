@@ -17,7 +17,7 @@ from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.mesh_motion import MeshMotion, mesh_displacement
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, FlowPort, PressurePort
-from jaxfsi.core.solid import solid_residual
+from jaxfsi.core.solid import Wall, solid_residual
 from jaxfsi.core.state import State
 from lumped.parameters import Parameter
 from lumped.views import implicit_step
@@ -71,7 +71,7 @@ def held_velocity(t: Parameter, model: Model) -> Float[Array, "3 nodes"]:
     """Velocity of the held nodes at time t [cm/s]."""
     u = jnp.zeros((3, model.n_nodes))
     for port, profile in zip(model.ports, model.profiles, strict=True):
-        if isinstance(port, FlowPort):
+        if isinstance(port, FlowPort) and profile is not None:
             u = u + port.flow(t) * profile
     return u
 
@@ -149,7 +149,7 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
     )
     if model.wall is not None:
         r_u = r_u + solid_residual(u, a, d, model.wall, model.solid_tets, step.solid_shape)
-        r_u = r_u + _support(u, d, model)
+        r_u = r_u + _support(u, d, model.wall, model)
     r_u = r_u - _port_load(y, u, model, step)
     return Unknowns(
         jnp.where(model.held, y.u - step.u_held, r_u),
@@ -175,10 +175,9 @@ def _port_load(
 
 
 def _support(
-    u: Float[Array, "3 nodes"], d: Float[Array, "3 nodes"], model: Model
+    u: Float[Array, "3 nodes"], d: Float[Array, "3 nodes"], wall: Wall, model: Model
 ) -> Float[Array, "3 nodes"]:
     """Forces with which the wall pushes the tissue outside [dyn]."""
-    wall = model.wall
     area = jnp.sqrt(jnp.sum(area_vectors(model.x, model.outer_faces) ** 2, axis=0))
     share = jnp.zeros(model.n_nodes).at[model.outer_faces.reshape(-1)].add(jnp.tile(area / 3.0, 3))
     return share * (wall.support_stiffness * d + wall.support_damping * u)

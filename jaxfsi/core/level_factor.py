@@ -96,9 +96,9 @@ def level_factor(
     """
     matrix = sp.csr_matrix(matrix)
     n_unknowns = matrix.shape[0]
-    nodes = sp.coo_matrix(matrix)
+    entries = matrix.tocoo()
     graph = sp.csr_matrix(
-        (np.ones(nodes.nnz), (nodes.row // block, nodes.col // block)),
+        (np.ones(entries.nnz), (entries.row // block, entries.col // block)),
         shape=(n_unknowns // block,) * 2,
     )
     level = np.repeat(breadth_first_levels(graph, starts), block)

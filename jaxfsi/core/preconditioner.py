@@ -150,7 +150,8 @@ def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeomet
         fluid[near],
         HostGeometry(shape.grad[near], shape.volume[near]),
         fluid_mass[near],
-        *(m[near] for m in fluid_moduli),
+        fluid_moduli[0][near],
+        fluid_moduli[1][near],
         n_nodes,
     )
     if model.wall is not None:

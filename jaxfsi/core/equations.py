@@ -176,10 +176,15 @@ def _port_load(
     return load
 
 
+def outer_share(model: Model) -> Float[Array, " nodes"]:
+    """Area of the outer surface that belongs to each node [cm²]."""
+    area = jnp.sqrt(jnp.sum(area_vectors(model.x, model.outer_faces) ** 2, axis=0))
+    share = jnp.tile(area / 3.0, 3)
+    return jnp.zeros(model.n_nodes).at[model.outer_faces.reshape(-1)].add(share)
+
+
 def _support(
     u: Float[Array, "3 nodes"], d: Float[Array, "3 nodes"], wall: Wall, model: Model
 ) -> Float[Array, "3 nodes"]:
     """Forces with which the wall pushes the tissue outside [dyn]."""
-    area = jnp.sqrt(jnp.sum(area_vectors(model.x, model.outer_faces) ** 2, axis=0))
-    share = jnp.zeros(model.n_nodes).at[model.outer_faces.reshape(-1)].add(jnp.tile(area / 3.0, 3))
-    return share * (wall.support_stiffness * d + wall.support_damping * u)
+    return outer_share(model) * (wall.support_stiffness * d + wall.support_damping * u)

@@ -97,7 +97,7 @@ def level_factor(
         ValueError: a level's block cannot be inverted.
     """
     matrix = sp.csr_matrix(matrix)
-    n_unknowns = matrix.shape[0]
+    n_unknowns = matrix.indptr.size - 1
     entries = matrix.tocoo()
     graph = sp.csr_matrix(
         (np.ones(entries.nnz), (entries.row // block, entries.col // block)),

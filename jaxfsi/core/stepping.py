@@ -1,8 +1,8 @@
 """One step in time: solve the coupled equations, then bring state and ports up to date.
 
-Newton's method with GMRES, started from the extrapolated state. The fluid is linear in the
-unknowns, so that one solve is nearly always enough; the residual is evaluated again, and a
-correction follows where it asks for one. Residuals are weighted by the square root of the frozen
+Newton's method with GMRES, started from the extrapolated state, on the tangent of `operator`. The
+fluid is linear in the unknowns, so that one solve is often enough; the residual is evaluated
+again, and a correction follows where it asks for one. Residuals are weighted by the square root of the frozen
 diagonal, which makes momentum and continuity comparable (both become the root of a power).
 
 The derivative of a step is that of its equations (implicit function theorem): one linear solve
@@ -23,6 +23,13 @@ from jaxfsi.core.generalized_alpha import GeneralizedAlpha, generalized_alpha
 from jaxfsi.core.krylov import fgmres
 from jaxfsi.core.mesh_motion import MeshMotion, mesh_motion
 from jaxfsi.core.model import Model
+from jaxfsi.core.operator import (
+    WallStencil,
+    apply_step,
+    assemble_step,
+    fluid_pattern,
+    wall_stencil,
+)
 from jaxfsi.core.ports import BlockPort
 from jaxfsi.core.preconditioner import (
     Preconditioner,
@@ -31,6 +38,7 @@ from jaxfsi.core.preconditioner import (
     preconditioner,
 )
 from jaxfsi.core.state import State
+from jaxfsi.core.stencil import Pattern
 from lumped.views import advance
 
 
@@ -59,6 +67,8 @@ class Stepper(eqx.Module):
         dt: length of a step [s].
         motion: of the blood's mesh; None where the wall is rigid.
         preconditioner: of the linear systems.
+        fluid_pattern: of the stencils of the blood.
+        wall_stencil: tangent of the wall; None without one.
         method: coefficients in time (static).
         tolerance: by how much the residual of the extrapolated state is reduced (static).
         max_linear: iterations of GMRES at most (static).
@@ -68,6 +78,8 @@ class Stepper(eqx.Module):
     dt: Float[Array, ""]
     motion: MeshMotion | None
     preconditioner: Preconditioner
+    fluid_pattern: Pattern
+    wall_stencil: WallStencil | None
     method: GeneralizedAlpha = eqx.field(static=True)
     tolerance: float = eqx.field(static=True)
     max_linear: int = eqx.field(static=True)
@@ -125,6 +137,8 @@ def prepare(
         jnp.asarray(dt, float),
         mesh_motion(model) if moves else None,
         preconditioner(dt, model, method),
+        fluid_pattern(model),
+        wall_stencil(dt, model, method),
         method,
         tolerance,
         max_linear,
@@ -221,6 +235,14 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         return scaled.x, scaled.n_iterations
 
     def newton(function, start):
+        operator = assemble_step(
+            model, step, stepper.method, stepper.fluid_pattern, stepper.wall_stencil
+        )
+
+        def tangent(flat):
+            product = apply_step(operator, unravel(flat), model, step, stepper.method)
+            return ravel_pytree(product)[0]
+
         r = function(start)
         first = jnp.linalg.norm(weight * r)
 
@@ -230,10 +252,9 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
 
         def correct(s):
             y, norm, k, n_linear, r = s
-            _, matvec = jax.linearize(function, y)
             # only as far as this step's tolerance asks for
             goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, 1e-10)
-            dy, n = linear_solve(matvec, r, inverse, goal)
+            dy, n = linear_solve(tangent, r, inverse, goal)
             y = y - dy
             r = function(y)
             return y, jnp.linalg.norm(weight * r), k + 1, n_linear + n, r

@@ -1,0 +1,205 @@
+"""The linearised step as stencils, assembled once a step and applied at every iteration.
+
+The rows of momentum are the same scalar operator for each component (inertia, convection and its
+stabilisation, viscosity), to which come what couples the components: the transposed part of the
+viscous stress and the least-squares term on the divergence, element by element, and the wall.
+With the weights w_a, w_u of acceleration and velocity in the step::
+
+    A_ab = ∫ ρ N_a (w_a N_b + w_u c*·∇N_b) + ρτ ∇N_a·∫ c* ρ (w_a N_b + w_u c·∇N_b) + w_u ∫ μ ∇N_a·∇N_b
+    G_ab = w_u (−∫ ∇N_a N_b + ρτ ∫ c*·∇N_a ∇N_b)
+    D_ab = w_u ∫ N_a ∇N_b + ∫ τρ ∇N_a (w_a N_b + w_u c·∇N_b),   C_ab = w_u ∫ τ ∇N_a·∇N_b
+
+The wall enters with its tangent at the reference shape: where it deforms, the operator is an
+approximation, and the residual, which is exact, asks for a correction when that matters.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxfsi.core.assembly import MASS
+from jaxfsi.core.elements import area_vectors, face_load, flux, geometry, gradient, scatter
+from jaxfsi.core.equations import BACKFLOW, Step, Unknowns, outer_share
+from jaxfsi.core.generalized_alpha import GeneralizedAlpha
+from jaxfsi.core.model import Model
+from jaxfsi.core.ports import FlowPort
+from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
+
+
+class WallStencil(eqx.Module):
+    """Tangent of the wall's forces at the reference shape, nine stencils for its components.
+
+    Attributes:
+        pattern: of the wall's nodes in the whole mesh.
+        values: derivative of force i with respect to velocity j.
+    """
+
+    pattern: Pattern
+    values: Float[Array, "3 3 columns nodes"]
+
+
+class StepOperator(eqx.Module):
+    """The linearised step.
+
+    Attributes:
+        pattern: of the blood's elements.
+        A: momentum, the same for each component.
+        G: pressure in the momentum of each direction.
+        D: velocity of each direction in continuity.
+        C: pressure in continuity.
+        wall: of the wall; None without one.
+    """
+
+    pattern: Pattern
+    A: Values
+    G: tuple[Values, Values, Values]
+    D: tuple[Values, Values, Values]
+    C: Values
+    wall: WallStencil | None
+
+
+def fluid_pattern(model: Model) -> Pattern:
+    """Pattern of the blood's elements of a concrete model."""
+    return pattern(np.asarray(model.fluid_tets).T, model.n_nodes)
+
+
+def assemble_step(
+    model: Model,
+    step: Step,
+    method: GeneralizedAlpha,
+    fluid: Pattern,
+    wall: WallStencil | None,
+) -> StepOperator:
+    """Assemble the linearised equations of a step."""
+    w_a, w_u, _ = method.weights(step.dt)
+    grad, V = step.fluid_shape
+    k = step.coefficients
+    rho, tau, mu = model.blood.rho_f, k.tau_momentum, k.mu
+    c = k.c[:, model.fluid_tets]
+    sum_c = jnp.sum(c, axis=1)
+    # ∫ c_j N_b, ∫ c_j c_k and ∫ (c + u′)_j over the element
+    c_value = V / 20.0 * (c + sum_c[:, None])
+    cc = V / 20.0 * (jnp.sum(c[:, None] * c[None], axis=2) + sum_c[:, None] * sum_c[None])
+    mean = sum_c / 4.0
+    advected = V * (mean + k.fine)
+    # c·∇N_b per unit volume with the mean c, and the same through ∫ c* ⊗ c
+    along = jnp.sum(mean[:, None] * grad, axis=0)
+    carried = jnp.sum(cc[:, :, None] * grad[None], axis=1) + V * k.fine[:, None] * along
+    inertia = w_a * rho * (c_value + V / 4.0 * k.fine[:, None]) + w_u * rho * carried
+    A, G, D, C = [], ([], [], []), ([], [], []), []
+    for a in range(4):
+        test = c_value[:, a] + V / 4.0 * k.fine
+        upwind = jnp.sum(grad[:, a] * advected, axis=0)
+        for b in range(4):
+            galerkin = w_a * MASS[a, b] * V + w_u * jnp.sum(test * grad[:, b], axis=0)
+            stabilised = tau * jnp.sum(grad[:, a] * inertia[:, b], axis=0)
+            laplace = jnp.sum(grad[:, a] * grad[:, b], axis=0) * V * w_u
+            A.append(rho * (galerkin + stabilised) + mu * laplace)
+            C.append(tau * laplace)
+            strong = tau * rho * V * (w_a / 4.0 + w_u * along[b])
+            for i in range(3):
+                G[i].append(w_u * (rho * tau * upwind * grad[i, b] - V / 4.0 * grad[i, a]))
+                D[i].append(w_u * V / 4.0 * grad[i, b] + strong * grad[i, a])
+
+    def stencil(entries: list[Array]) -> Values:
+        return assemble(jnp.stack(entries).reshape(4, 4, -1), fluid)
+
+    return StepOperator(
+        fluid,
+        stencil(A),
+        (stencil(G[0]), stencil(G[1]), stencil(G[2])),
+        (stencil(D[0]), stencil(D[1]), stencil(D[2])),
+        stencil(C),
+        wall,
+    )
+
+
+def apply_step(
+    operator: StepOperator, v: Unknowns, model: Model, step: Step, method: GeneralizedAlpha
+) -> Unknowns:
+    """Product of the linearised equations and a change of velocity and pressure."""
+    _, w_u, _ = method.weights(step.dt)
+    P = operator.pattern
+    coupled = _coupling(v.u, model, step, w_u)
+    rows = [
+        apply(operator.A, P, v.u[i]) + apply(operator.G[i], P, v.p) + coupled[i] for i in range(3)
+    ]
+    if operator.wall is not None:
+        W = operator.wall
+        rows = [
+            row + sum(apply(W.values[i, j], W.pattern, v.u[j]) for j in range(3))
+            for i, row in enumerate(rows)
+        ]
+    r_u = jnp.stack(rows) - _port_slope(v.u, model, step, w_u)
+    r_p = apply(operator.C, P, v.p)
+    for i in range(3):
+        r_p = r_p + apply(operator.D[i], P, v.u[i])
+    return Unknowns(jnp.where(model.held, v.u, r_u), jnp.where(model.in_fluid, r_p, v.p))
+
+
+def _coupling(
+    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: float
+) -> list[Float[Array, " nodes"]]:
+    """Terms between components: ∫ ∂_jN_a (μ ∂_i u_j + δ_ij τ_C ∇·u)."""
+    tets, (grad, V) = model.fluid_tets, step.fluid_shape
+    corner = u[:, tets]
+    slope = [gradient(corner[j], step.fluid_shape) for j in range(3)]
+    divergence = slope[0][0] + slope[1][1] + slope[2][2]
+    spread = step.coefficients.tau_continuity * divergence
+    rows = []
+    for i in range(3):
+        stress = [step.coefficients.mu * slope[j][i] for j in range(3)]
+        stress[i] = stress[i] + spread
+        force = sum(grad[j] * (w_u * V * stress[j]) for j in range(3))
+        rows.append(scatter(jnp.asarray(force), tets, model.n_nodes))
+    return rows
+
+
+def _port_slope(
+    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: float
+) -> Float[Array, "3 nodes"]:
+    """Derivative of the ports' forces along a change of velocity."""
+    load = jnp.zeros_like(u)
+    for i, (port, faces) in enumerate(zip(model.ports, model.port_faces, strict=True)):
+        if isinstance(port, FlowPort):
+            continue
+        area = area_vectors(step.x, faces)
+        P = step.Z[i] * flux(u, step.x, faces)
+        c = jnp.mean(step.coefficients.c[:, faces], axis=1)
+        inflow = jnp.minimum(jnp.sum(c * area, axis=0), 0.0)
+        backflow = 0.5 * BACKFLOW * model.blood.rho_f * inflow
+        push = w_u * backflow * jnp.mean(u[:, faces], axis=1) - P * area
+        load = load + face_load(push, faces, model.n_nodes)
+    return load
+
+
+def wall_stencil(dt: float, model: Model, method: GeneralizedAlpha) -> WallStencil | None:
+    """Tangent of the wall of a concrete model at its reference shape."""
+    if model.wall is None:
+        return None
+    tets = model.solid_tets
+    shape = geometry(model.x, tets)
+    w_a, w_u, w_d = method.weights(dt)
+    lam, G = (w_d * jnp.asarray(m) for m in model.wall.material.moduli)
+    G = G + w_u * model.wall.damping
+    places = pattern(np.asarray(tets).T, model.n_nodes)
+    grad, V = shape
+    mass = w_a * model.wall.rho_s * V * jnp.asarray(MASS)[:, :, None]
+    laplace = G * V * jnp.sum(grad[:, :, None] * grad[:, None], axis=0)
+    share = outer_share(model)
+    support = w_d * model.wall.support_stiffness + w_u * model.wall.support_damping
+    rows = []
+    for i in range(3):
+        for j in range(3):
+            plain = grad[i][:, None] * grad[j][None]
+            values = V * (lam * plain + G * jnp.swapaxes(plain, 0, 1))
+            if i == j:
+                values = values + mass + laplace
+            stencil = assemble(values, places)
+            if i == j:
+                own = places.neighbour == jnp.arange(model.n_nodes)
+                first = jnp.cumsum(own, axis=0) == 1
+                stencil = stencil + jnp.where(own & first, support * share, 0.0)
+            rows.append(stencil)
+    return WallStencil(places, jnp.stack(rows).reshape(3, 3, *places.neighbour.shape))

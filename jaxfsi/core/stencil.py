@@ -1,0 +1,61 @@
+"""Scalar operators on the nodes of a mesh: one sparsity pattern, values as columns.
+
+A stencil holds for each node i its neighbours j in a fixed number of columns (ELL format), so that
+its product with a field is one loop of gathers without a scatter::
+
+    (S f)_i = Σ_k S[k, i] f[neighbour[k, i]]
+
+On a CPU this is about ten times cheaper than the same product element by element, and several
+fields can share the values.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+Values = Float[Array, "columns nodes"]
+
+
+class Pattern(eqx.Module):
+    """Which nodes are coupled, and where each pair of corners of each element goes.
+
+    Attributes:
+        neighbour: node of each column; the node itself where a column is not used.
+        slot: place of corners (a, b) of each element in the flattened values.
+    """
+
+    neighbour: Int[Array, "columns nodes"]
+    slot: Int[Array, "4 4 tets"]
+
+
+def pattern(tets: Int[np.ndarray, "tets 4"], n_nodes: int) -> Pattern:
+    """Pattern of linear elements."""
+    row, column = np.repeat(tets, 4, axis=1).ravel(), np.tile(tets, (1, 4)).ravel()
+    pairs, index = np.unique(row * n_nodes + column, return_inverse=True)
+    rows, columns = np.divmod(pairs, n_nodes)
+    first = np.searchsorted(rows, np.arange(n_nodes))
+    rank = np.arange(len(rows)) - first[rows]
+    n_columns = int(rank.max(initial=-1)) + 1
+    neighbour = np.tile(np.arange(n_nodes), (n_columns, 1))
+    neighbour[rank, rows] = columns
+    slot = (rank * n_nodes + rows)[index].reshape(len(tets), 4, 4)
+    return Pattern(jnp.asarray(neighbour), jnp.asarray(np.moveaxis(slot, 0, 2)))
+
+
+def assemble(values: Float[Array, "4 4 tets"], pattern: Pattern) -> Values:
+    """Sum element matrices into a stencil."""
+    shape = pattern.neighbour.shape
+    flat = jnp.zeros(shape[0] * shape[1], values.dtype)
+    return flat.at[pattern.slot.reshape(-1)].add(values.reshape(-1)).reshape(shape)
+
+
+def apply(
+    values: Values, pattern: Pattern, field: Float[Array, " nodes"]
+) -> Float[Array, " nodes"]:
+    """Product of a stencil and a field."""
+    # Written out, one column at a time: XLA makes a single loop of it.
+    total = jnp.zeros_like(field)
+    for k in range(values.shape[0]):
+        total = total + values[k] * field[pattern.neighbour[k]]
+    return total

@@ -92,6 +92,8 @@ def begin_step(
     d_mesh = state.d_mesh
     if motion is not None:
         d_mesh = mesh_displacement(motion, jnp.where(model.in_solid, d_guess, 0.0))
+    elif model.is_dry:  # loads on the wall follow it
+        d_mesh = jnp.where(model.in_solid, d_guess, 0.0)
     alpha = method.alpha_f
     between = lambda old, new, w=alpha: old + w * (new - old)  # noqa: E731
     x = model.x + between(state.d_mesh, d_mesh)
@@ -130,8 +132,8 @@ def begin_step(
         geometry(model.x, model.solid_tets),
         coefficients,
         held_velocity(state.t + dt, model),
-        jnp.stack([jnp.asarray(P, float) for P in P_offset]),
-        jnp.stack([jnp.asarray(z, float) for z in Z]),
+        jnp.array(P_offset, float),
+        jnp.array(Z, float),
     )
 
 

@@ -56,6 +56,8 @@ def breadth_first_levels(
     Returns:
         The levels whose sizes have the smallest sum of squares.
     """
+    if not graph.shape[0]:
+        return np.zeros(0, int)
     n_components, component = connected_components(graph, directed=False)
     first = [np.unique(component, return_index=True)[1]]
     for _ in range(3):  # towards a far end: each search starts where the last one ended

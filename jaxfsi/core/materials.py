@@ -8,10 +8,12 @@ With C = FᵀF, E = (C − I)/2, J = det F, shear modulus G, Lamé's λ and bulk
 | `SaintVenantKirchhoff` | F (λ tr(E) I + 2 G E + κ_p (J² − 1)/2 C⁻¹) | Bonet & Wood 2008, 6.28 |
 | `NeoHookean` | F (G J^(−2/3) (I − tr(C)/3 C⁻¹) + κ (J² − 1)/2 C⁻¹) | Simo & Taylor 1991 |
 
-svMultiPhysics appears to add a volumetric penalty κ_p = E/(3 (1 − 2ν)) to the whole St.
-Venant-Kirchhoff stress, which makes the wall stiffer than E and ν say: at ν = 0.3 it acts like one
-with E 7 % higher and ν = 0.39. With it the fields of an elastic tube agree with those of that
-program to 0.7 %, without it they are 4 to 23 % apart. `volumetric_penalty` is there to compare.
+svMultiPhysics (2026) adds a volumetric penalty κ_p (J² − 1)/2 C⁻¹ to the stress of every material of
+its displacement-based wall, also to the whole St. Venant-Kirchhoff stress; unless the case says
+otherwise κ_p is the bulk modulus E/(3 (1 − 2ν)). Its predecessor svFSI leaves the penalty out of this
+material. The wall becomes stiffer than E and ν say: at ν = 0.3 it acts like one with E 7 % higher and
+ν = 0.39. With the penalty the fields of an elastic tube agree with those of that program to 0.7 %,
+without it they are 4 to 23 % apart. `volumetric_penalty` is there to compare.
 """
 
 import abc

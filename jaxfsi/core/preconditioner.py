@@ -120,7 +120,9 @@ def _ends(model: Model, nodes: Int[np.ndarray, " part"]) -> list[np.ndarray]:
     for faces in model.port_faces:
         reached = np.zeros(model.n_nodes, bool)
         reached[np.asarray(faces)] = True
-        while np.any(reached) and not np.any(place[reached] >= 0):
+        n_before = 0
+        while n_before < np.sum(reached) and not np.any(place[reached] >= 0):
+            n_before = np.sum(reached)
             reached[tets[np.any(reached[tets], axis=1)]] = True
         ends.append(place[reached][place[reached] >= 0])
     return ends

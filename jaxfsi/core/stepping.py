@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import flux
+from jaxfsi.core.elements import flux, geometry
 from jaxfsi.core.equations import Step, Unknowns, begin_step, extrapolated, residual
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha, generalized_alpha
 from jaxfsi.core.krylov import fgmres
@@ -155,8 +155,8 @@ def advance_step(model: Model, state: State, stepper: Stepper) -> tuple[State, S
     guess = extrapolated(state.t + dt, model, state)
     y, (n_linear, n_nonlinear, remainder) = _solve(guess, model, step, frozen_stepper)
     new = _updated(y, model, step, method)
-    volume = step.fluid_shape.volume
-    least = jnp.min(volume, initial=jnp.inf) / jnp.max(volume, initial=1e-300)
+    shrunk = step.fluid_shape.volume / geometry(model.x, model.fluid_tets).volume
+    least = jnp.min(shrunk, initial=jnp.inf)
     finite = jnp.all(jnp.isfinite(y.u)) & jnp.all(jnp.isfinite(y.p))
     result = RESULTS.where(
         remainder <= 10.0 * stepper.tolerance, RESULTS.successful, RESULTS.not_converged
@@ -170,7 +170,7 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
     dt, old = step.dt, step.state
     a = method.acceleration(dt, old.u, old.a, y.u)
     d = method.displacement(dt, old.d, old.u, old.a, a)
-    Q = jnp.stack([flux(y.u, step.x, faces) for faces in model.port_faces])
+    Q = jnp.array([flux(y.u, step.x, faces) for faces in model.port_faces], float)
     blocks, P = [], []
     for i, port in enumerate(model.ports):
         if isinstance(port, BlockPort):
@@ -190,7 +190,7 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         old.u,
         old.p,
         tuple(blocks),
-        jnp.stack(P),
+        jnp.array(P, float),
         Q,
     )
 

@@ -1,0 +1,6 @@
+"""Problems with exact or published solutions, shared by tests, benchmarks and documentation.
+
+The exact solutions are written out by hand from the equations and share no code with the core.
+"""
+
+from jaxfsi.verification.elasticity import ENERGIES, MATERIALS

@@ -12,6 +12,9 @@ With the edges eₖ = xₖ − x₀ of an element, det = e₁·(e₂×e₃) = 6 
 Source: Zienkiewicz & Taylor 2000, The Finite Element Method, vol. 1, section 6.
 """
 
+import functools
+import operator
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -28,6 +31,11 @@ class Geometry(NamedTuple):
 
     grad: Float[Array, "3 4 tets"]
     volume: Float[Array, " tets"]
+
+
+def added(terms: Iterable[Float[Array, "*shape"]]) -> Float[Array, "*shape"]:
+    """Sum of a few arrays."""
+    return functools.reduce(operator.add, terms)
 
 
 Corners = tuple[Float[Array, " tets"], ...]

@@ -20,7 +20,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import Geometry, corners, gradient, scatter, total, vector_corners
+from jaxfsi.core.elements import Geometry, added, corners, gradient, scatter, total, vector_corners
 from jaxfsi.core.viscosity import AbstractViscosity, Newtonian
 from lumped.parameters import Parameter, parameter
 
@@ -66,7 +66,7 @@ def shear_rate(
 ) -> Float[Array, " tets"]:
     """√(2 ε:ε) on each element [1/s]."""
     g = _velocity_gradient(u, tets, shape)
-    square = sum((g[i][j] + g[j][i]) ** 2 / 2.0 for i in range(3) for j in range(3))
+    square = added((g[i][j] + g[j][i]) ** 2 / 2.0 for i in range(3) for j in range(3))
     # The square root has no derivative at rest.
     moving = square > 0.0
     return jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
@@ -86,13 +86,15 @@ def frozen(
     c = u - u_mesh
     mean = [total(component) / 4.0 for component in vector_corners(c, tets)]
     grad = shape.grad
-    metric = [[sum(grad[i, k] * grad[j, k] for k in (1, 2, 3)) for j in range(3)] for i in range(3)]
+    metric = [
+        [added(grad[i, k] * grad[j, k] for k in (1, 2, 3)) for j in range(3)] for i in range(3)
+    ]
     pairs = [(i, j) for i in range(3) for j in range(3)]
     mu = blood.viscosity(shear_rate(u, tets, shape))
     rate_square = (
         4.0 / dt**2
-        + sum(mean[i] * metric[i][j] * mean[j] for i, j in pairs)
-        + 36.0 * (mu / blood.rho_f) ** 2 * sum(metric[i][j] ** 2 for i, j in pairs)
+        + added(mean[i] * metric[i][j] * mean[j] for i, j in pairs)
+        + 36.0 * (mu / blood.rho_f) ** 2 * added(metric[i][j] ** 2 for i, j in pairs)
     )
     tau_momentum = 1.0 / (blood.rho_f * jnp.sqrt(rate_square))
     tau_continuity = 1.0 / (tau_momentum * (metric[0][0] + metric[1][1] + metric[2][2]))
@@ -101,7 +103,7 @@ def frozen(
     pressure = gradient(corners(p, tets), shape)
     fine = []
     for i in range(3):
-        convection = sum(mean[j] * slope[i][j] for j in range(3))
+        convection = added(mean[j] * slope[i][j] for j in range(3))
         strong = blood.rho_f * (acceleration[i] + convection) + pressure[i]
         fine.append(-tau_momentum * strong)
     return Frozen(c, jnp.stack(fine), tau_momentum, tau_continuity, mu)
@@ -145,24 +147,24 @@ def fluid_residual(
     cc = [[integral(c[j], c[k], sum_c[j], sum_c[k]) for k in range(3)] for j in range(3)]
     momentum, fine_flux = [], []
     for i in range(3):
-        convection = sum(sum_c[j] * slope[i][j] for j in range(3))
+        convection = added(sum_c[j] * slope[i][j] for j in range(3))
         strong = V * (rho * (sum_a[i] + convection) / 4.0 + pressure_slope[i])
         fine_flux.append(tau * strong)
         stress = []
         for j in range(3):
             ca = integral(c[j], acceleration[i], sum_c[j], sum_a[i])
-            upwind = rho * (ca + sum(cc[j][k] * slope[i][k] for k in range(3)))
+            upwind = rho * (ca + added(cc[j][k] * slope[i][k] for k in range(3)))
             upwind = upwind + V * sum_c[j] / 4.0 * pressure_slope[i] + fine[j] * strong
             stress.append(V * coefficients.mu * (slope[i][j] + slope[j][i]) + rho * tau * upwind)
         stress[i] = stress[i] - hydrostatic
-        by_fine = 5.0 * sum(fine[j] * slope[i][j] for j in range(3))
+        by_fine = 5.0 * added(fine[j] * slope[i][j] for j in range(3))
         force = []
         for b in range(4):
-            through = sum(c[j][b] * slope[i][j] for j in range(3)) + convection + by_fine
+            through = added(c[j][b] * slope[i][j] for j in range(3)) + convection + by_fine
             inertia = rho * V / 20.0 * (acceleration[i][b] + sum_a[i] + through)
-            force.append(inertia + sum(grad[j, b] * stress[j] for j in range(3)))
+            force.append(inertia + added(grad[j, b] * stress[j] for j in range(3)))
         momentum.append(scatter(tuple(force), tets, n_nodes))
     continuity = tuple(
-        V / 4.0 * divergence + sum(grad[i, b] * fine_flux[i] for i in range(3)) for b in range(4)
+        V / 4.0 * divergence + added(grad[i, b] * fine_flux[i] for i in range(3)) for b in range(4)
     )
     return jnp.stack(momentum), scatter(continuity, tets, n_nodes)

@@ -8,12 +8,12 @@ With C = FᵀF, E = (C − I)/2, J = det F, shear modulus G, Lamé's λ and bulk
 | `SaintVenantKirchhoff` | F (λ tr(E) I + 2 G E + κ_p (J² − 1)/2 C⁻¹) | Bonet & Wood 2008, 6.28 |
 | `NeoHookean` | F (G J^(−2/3) (I − tr(C)/3 C⁻¹) + κ (J² − 1)/2 C⁻¹) | Simo & Taylor 1991 |
 
-svMultiPhysics (2026) adds a volumetric penalty κ_p (J² − 1)/2 C⁻¹ to the stress of every material of
-its displacement-based wall, also to the whole St. Venant-Kirchhoff stress; unless the case says
-otherwise κ_p is the bulk modulus E/(3 (1 − 2ν)). Its predecessor svFSI leaves the penalty out of this
-material. The wall becomes stiffer than E and ν say: at ν = 0.3 it acts like one with E 7 % higher and
-ν = 0.39. With the penalty the fields of an elastic tube agree with those of that program to 0.7 %,
-without it they are 4 to 23 % apart. `volumetric_penalty` is there to compare.
+svMultiPhysics (2026) adds a volumetric penalty κ_p (J² − 1)/2 C⁻¹ to the stress of every material
+of its displacement-based wall, also to the whole St. Venant-Kirchhoff stress; unless the case says
+otherwise κ_p is the bulk modulus E/(3 (1 − 2ν)). Its predecessor svFSI leaves the penalty out of
+this material. The wall becomes stiffer than E and ν say: at ν = 0.3 it acts like one with E 7 %
+higher and ν = 0.39. With the penalty the fields of an elastic tube agree with those of that
+program to 0.7 %, without it they are 4 to 23 % apart. `volumetric_penalty` is there to compare.
 """
 
 import abc
@@ -22,6 +22,7 @@ from collections.abc import Sequence
 import equinox as eqx
 from jaxtyping import Array, Float
 
+from jaxfsi.core.elements import added
 from lumped.parameters import Parameter, parameter
 
 Tensor = Sequence[Sequence[Float[Array, " tets"]]] | Float[Array, "3 3 tets"]
@@ -44,7 +45,7 @@ def transposed(a: Tensor) -> Tensor:
 
 def combined(*terms: tuple[Parameter, Tensor]) -> Tensor:
     """Sum of tensors, each times a number or one value an element."""
-    return [[sum(c * a[i][j] for c, a in terms) for j in _AXES] for i in _AXES]
+    return [[added(c * a[i][j] for c, a in terms) for j in _AXES] for i in _AXES]
 
 
 def plus_identity(a: Tensor, c: Parameter) -> Tensor:
@@ -66,7 +67,7 @@ def _determinant_and_cofactor(a: Tensor) -> tuple[Float[Array, " tets"], Tensor]
         ]
         for i in _AXES
     ]
-    return sum(a[0][j] * cofactor[0][j] for j in _AXES), cofactor
+    return added(a[0][j] * cofactor[0][j] for j in _AXES), cofactor
 
 
 class AbstractMaterial(eqx.Module):
@@ -158,7 +159,7 @@ class NeoHookean(AbstractMaterial):
         """First Piola-Kirchhoff stress [dyn/cm²] at a deformation gradient."""
         lam, G = self.moduli
         J, cofactor = _determinant_and_cofactor(F)
-        mean_square = sum(F[i][j] ** 2 for i in _AXES for j in _AXES) / 3.0
+        mean_square = added(F[i][j] ** 2 for i in _AXES for j in _AXES) / 3.0
         shape = G * J ** (-2.0 / 3.0)
         pressure = (lam + 2.0 * G / 3.0) * (J - 1.0 / J) / 2.0
         return combined((shape, F), (pressure - shape * mean_square / J, cofactor))

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.assembly import assembled, host_geometry, stiffness
-from jaxfsi.core.elements import Geometry, corners, gradient, scatter
+from jaxfsi.core.elements import Geometry, added, corners, gradient, scatter
 from jaxfsi.core.level_factor import LevelFactor, level_factor, level_solve
 from jaxfsi.core.model import Model
 
@@ -65,7 +65,7 @@ def mesh_displacement(
     def component(d: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
         slope = gradient(corners(d, motion.tets), motion.shape)
         grad = motion.shape.grad
-        flux = tuple(sum(grad[j, b] * slope[j] for j in range(3)) for b in range(4))
+        flux = tuple(added(grad[j, b] * slope[j] for j in range(3)) for b in range(4))
         residual = scatter(flux, motion.tets, d.shape[0])[motion.free]
         return d.at[motion.free].add(-level_solve(motion.factor, residual))
 

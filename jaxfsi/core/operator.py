@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 
 from jaxfsi.core.assembly import MASS
 from jaxfsi.core.elements import (
+    added,
     area_vectors,
     face_load,
     flux,
@@ -35,6 +36,7 @@ from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import FlowPort
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
+from lumped.parameters import Parameter
 
 
 class WallStencil(eqx.Module):
@@ -92,18 +94,20 @@ def assemble_step(
     c_value = [[V / 20.0 * (c[j][b] + sum_c[j]) for b in range(4)] for j in range(3)]
     cc = [
         [
-            V / 20.0 * (sum(c[i][b] * c[j][b] for b in range(4)) + sum_c[i] * sum_c[j])
+            V / 20.0 * (added(c[i][b] * c[j][b] for b in range(4)) + sum_c[i] * sum_c[j])
             for j in range(3)
         ]
         for i in range(3)
     ]
     advected = [V * (sum_c[j] / 4.0 + k.fine[j]) for j in range(3)]
     # c·∇N_b per unit volume with the mean c, and ∫ ρ c* (w_a N_b + w_u c·∇N_b)
-    along = [sum(sum_c[j] / 4.0 * grad[j, b] for j in range(3)) for b in range(4)]
+    along = [added(sum_c[j] / 4.0 * grad[j, b] for j in range(3)) for b in range(4)]
     inertia = [
         [
             rho * w_a * (c_value[i][b] + V / 4.0 * k.fine[i])
-            + rho * w_u * (sum(cc[i][j] * grad[j, b] for j in range(3)) + V * k.fine[i] * along[b])
+            + rho
+            * w_u
+            * (added(cc[i][j] * grad[j, b] for j in range(3)) + V * k.fine[i] * along[b])
             for b in range(4)
         ]
         for i in range(3)
@@ -111,11 +115,11 @@ def assemble_step(
     A, G, D, C = [], ([], [], []), ([], [], []), []
     for a in range(4):
         test = [c_value[j][a] + V / 4.0 * k.fine[j] for j in range(3)]
-        upwind = sum(grad[j, a] * advected[j] for j in range(3))
+        upwind = added(grad[j, a] * advected[j] for j in range(3))
         for b in range(4):
-            galerkin = w_a * MASS[a, b] * V + w_u * sum(test[j] * grad[j, b] for j in range(3))
-            stabilised = tau * sum(grad[j, a] * inertia[j][b] for j in range(3))
-            laplace = sum(grad[j, a] * grad[j, b] for j in range(3)) * V * w_u
+            galerkin = w_a * MASS[a, b] * V + w_u * added(test[j] * grad[j, b] for j in range(3))
+            stabilised = tau * added(grad[j, a] * inertia[j][b] for j in range(3))
+            laplace = added(grad[j, a] * grad[j, b] for j in range(3)) * V * w_u
             A.append(rho * (galerkin + stabilised) + mu * laplace)
             C.append(tau * laplace)
             strong = tau * rho * V * (w_a / 4.0 + w_u * along[b])
@@ -149,7 +153,7 @@ def apply_step(
     if operator.wall is not None:
         W = operator.wall
         rows = [
-            row + sum(apply(W.values[i, j], W.pattern, v.u[j]) for j in range(3))
+            row + added(apply(W.values[i, j], W.pattern, v.u[j]) for j in range(3))
             for i, row in enumerate(rows)
         ]
     r_u = jnp.stack(rows) - _port_slope(v.u, model, step, w_u)
@@ -160,7 +164,7 @@ def apply_step(
 
 
 def _coupling(
-    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: float
+    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: Parameter
 ) -> list[Float[Array, " nodes"]]:
     """Terms between components: ∫ ∂_jN_a (μ ∂_i u_j + δ_ij τ_C ∇·u)."""
     tets, (grad, V) = model.fluid_tets, step.fluid_shape
@@ -172,13 +176,13 @@ def _coupling(
         stress = [step.coefficients.mu * slope[j][i] for j in range(3)]
         stress[i] = stress[i] + spread
         pull = [w_u * V * s for s in stress]
-        force = tuple(sum(grad[j, b] * pull[j] for j in range(3)) for b in range(4))
+        force = tuple(added(grad[j, b] * pull[j] for j in range(3)) for b in range(4))
         rows.append(scatter(force, tets, model.n_nodes))
     return rows
 
 
 def _port_slope(
-    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: float
+    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: Parameter
 ) -> Float[Array, "3 nodes"]:
     """Derivative of the ports' forces along a change of velocity."""
     load = jnp.zeros_like(u)

@@ -33,7 +33,7 @@ from jaxfsi.core.assembly import (
     isotropic_stiffness,
     stiffness,
 )
-from jaxfsi.core.elements import corners, scatter, total, vector_corners
+from jaxfsi.core.elements import added, corners, scatter, total, vector_corners
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.level_factor import LevelFactor, level_factor, level_solve
 from jaxfsi.core.model import Model
@@ -222,7 +222,7 @@ def _weak_gradient_transposed(
     M: Preconditioner, u: Float[Array, "3 nodes"]
 ) -> Float[Array, " nodes"]:
     velocity = vector_corners(u, M.fluid_tets)
-    whole = sum(M.gradient[i, b] * velocity[i][b] for i in range(3) for b in range(4))
+    whole = added(M.gradient[i, b] * velocity[i][b] for i in range(3) for b in range(4))
     return scatter((whole, whole, whole, whole), M.fluid_tets, u.shape[1])
 
 

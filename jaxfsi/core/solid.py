@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import Geometry, gradient, scatter, total, vector_corners
+from jaxfsi.core.elements import Geometry, added, gradient, scatter, total, vector_corners
 from jaxfsi.core.materials import (
     AbstractMaterial,
     Tensor,
@@ -86,7 +86,7 @@ def solid_residual(
     for i, corner in enumerate(vector_corners(a, tets)):
         whole = total(corner)
         force = tuple(
-            mass * (corner[b] + whole) + sum(shape.grad[j, b] * stress[i][j] for j in range(3))
+            mass * (corner[b] + whole) + added(shape.grad[j, b] * stress[i][j] for j in range(3))
             for b in range(4)
         )
         rows.append(scatter(force, tets, n_nodes))

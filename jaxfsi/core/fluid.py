@@ -20,7 +20,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import Geometry, gradient, scatter
+from jaxfsi.core.elements import Geometry, added, corners, gradient, scatter, total, vector_corners
 from jaxfsi.core.viscosity import AbstractViscosity, Newtonian
 from lumped.parameters import Parameter, parameter
 
@@ -55,14 +55,18 @@ class Frozen(NamedTuple):
     mu: Float[Array, " tets"]
 
 
+def _velocity_gradient(
+    u: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry
+) -> tuple[tuple[Float[Array, " tets"], ...], ...]:
+    return tuple(gradient(component, shape) for component in vector_corners(u, tets))
+
+
 def shear_rate(
     u: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry
 ) -> Float[Array, " tets"]:
     """√(2 ε:ε) on each element [1/s]."""
-    corner = u[:, tets]
-    g = jnp.stack([jnp.stack(gradient(corner[i], shape)) for i in range(3)])
-    twice_strain = g + jnp.swapaxes(g, 0, 1)
-    square = jnp.sum(twice_strain**2, axis=(0, 1)) / 2.0
+    g = _velocity_gradient(u, tets, shape)
+    square = added((g[i][j] + g[j][i]) ** 2 / 2.0 for i in range(3) for j in range(3))
     # The square root has no derivative at rest.
     moving = square > 0.0
     return jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
@@ -80,22 +84,26 @@ def frozen(
 ) -> Frozen:
     """Coefficients of the linearised equations at an extrapolated state."""
     c = u - u_mesh
-    mean = jnp.mean(c[:, tets], axis=1)
-    metric = jnp.sum(shape.grad[:, None, 1:] * shape.grad[None, :, 1:], axis=2)
+    mean = [total(component) / 4.0 for component in vector_corners(c, tets)]
+    grad = shape.grad
+    metric = [
+        [added(grad[i, k] * grad[j, k] for k in (1, 2, 3)) for j in range(3)] for i in range(3)
+    ]
+    pairs = [(i, j) for i in range(3) for j in range(3)]
     mu = blood.viscosity(shear_rate(u, tets, shape))
     rate_square = (
         4.0 / dt**2
-        + jnp.sum(mean[:, None] * metric * mean[None], axis=(0, 1))
-        + 36.0 * (mu / blood.rho_f) ** 2 * jnp.sum(metric**2, axis=(0, 1))
+        + added(mean[i] * metric[i][j] * mean[j] for i, j in pairs)
+        + 36.0 * (mu / blood.rho_f) ** 2 * added(metric[i][j] ** 2 for i, j in pairs)
     )
     tau_momentum = 1.0 / (blood.rho_f * jnp.sqrt(rate_square))
-    tau_continuity = 1.0 / (tau_momentum * (metric[0, 0] + metric[1, 1] + metric[2, 2]))
-    corner, acceleration = u[:, tets], jnp.mean(a[:, tets], axis=1)
-    pressure = gradient(p[tets], shape)
+    tau_continuity = 1.0 / (tau_momentum * (metric[0][0] + metric[1][1] + metric[2][2]))
+    slope = _velocity_gradient(u, tets, shape)
+    acceleration = [total(component) / 4.0 for component in vector_corners(a, tets)]
+    pressure = gradient(corners(p, tets), shape)
     fine = []
     for i in range(3):
-        slope = gradient(corner[i], shape)
-        convection = sum(mean[j] * slope[j] for j in range(3))
+        convection = added(mean[j] * slope[i][j] for j in range(3))
         strong = blood.rho_f * (acceleration[i] + convection) + pressure[i]
         fine.append(-tau_momentum * strong)
     return Frozen(c, jnp.stack(fine), tau_momentum, tau_continuity, mu)
@@ -123,31 +131,40 @@ def fluid_residual(
     """
     n_nodes, V, grad = u.shape[1], shape.volume, shape.grad
     rho, tau, fine = blood.rho_f, coefficients.tau_momentum, coefficients.fine
-    ue, ae, pe, ce = u[:, tets], a[:, tets], p[tets], coefficients.c[:, tets]
-    slope = [gradient(ue[i], shape) for i in range(3)]
-    pressure_slope = gradient(pe, shape)
-    sum_c, sum_a = jnp.sum(ce, axis=1), jnp.sum(ae, axis=1)
+    acceleration, pressure = vector_corners(a, tets), corners(p, tets)
+    c = vector_corners(coefficients.c, tets)
+    slope = _velocity_gradient(u, tets, shape)
+    pressure_slope = gradient(pressure, shape)
+    sum_c = [total(component) for component in c]
+    sum_a = [total(component) for component in acceleration]
     divergence = slope[0][0] + slope[1][1] + slope[2][2]
-    # ∫ c_j c_k and ∫ c_j a_i over the element, exact for linear fields
-    cc = [
-        [V / 20.0 * (jnp.sum(ce[j] * ce[k], axis=0) + sum_c[j] * sum_c[k]) for k in range(3)]
-        for j in range(3)
-    ]
-    hydrostatic = V * (jnp.mean(pe, axis=0) - coefficients.tau_continuity * divergence)
+    hydrostatic = V * (total(pressure) / 4.0 - coefficients.tau_continuity * divergence)
+
+    def integral(f, g, sum_f, sum_g):
+        """∫ f g over the element, exact for linear fields."""
+        return V / 20.0 * (f[0] * g[0] + f[1] * g[1] + f[2] * g[2] + f[3] * g[3] + sum_f * sum_g)
+
+    cc = [[integral(c[j], c[k], sum_c[j], sum_c[k]) for k in range(3)] for j in range(3)]
     momentum, fine_flux = [], []
     for i in range(3):
-        convection = sum(sum_c[j] * slope[i][j] for j in range(3)) / 4.0
-        strong = V * (rho * (sum_a[i] / 4.0 + convection) + pressure_slope[i])
+        convection = added(sum_c[j] * slope[i][j] for j in range(3))
+        strong = V * (rho * (sum_a[i] + convection) / 4.0 + pressure_slope[i])
         fine_flux.append(tau * strong)
-        through = sum((ce[j] + sum_c[j]) * slope[i][j] for j in range(3))
-        inertia = rho * V / 20.0 * (ae[i] + sum_a[i] + through)
-        inertia = inertia + rho * V / 4.0 * sum(fine[j] * slope[i][j] for j in range(3))
+        stress = []
         for j in range(3):
-            ca = V / 20.0 * (jnp.sum(ce[j] * ae[i], axis=0) + sum_c[j] * sum_a[i])
-            upwind = rho * (ca + sum(cc[j][k] * slope[i][k] for k in range(3)))
+            ca = integral(c[j], acceleration[i], sum_c[j], sum_a[i])
+            upwind = rho * (ca + added(cc[j][k] * slope[i][k] for k in range(3)))
             upwind = upwind + V * sum_c[j] / 4.0 * pressure_slope[i] + fine[j] * strong
-            stress = V * coefficients.mu * (slope[i][j] + slope[j][i]) + rho * tau * upwind
-            inertia = inertia + grad[j] * (stress - hydrostatic if i == j else stress)
-        momentum.append(scatter(inertia, tets, n_nodes))
-    continuity = V / 4.0 * divergence + sum(grad[i] * fine_flux[i] for i in range(3))
+            stress.append(V * coefficients.mu * (slope[i][j] + slope[j][i]) + rho * tau * upwind)
+        stress[i] = stress[i] - hydrostatic
+        by_fine = 5.0 * added(fine[j] * slope[i][j] for j in range(3))
+        force = []
+        for b in range(4):
+            through = added(c[j][b] * slope[i][j] for j in range(3)) + convection + by_fine
+            inertia = rho * V / 20.0 * (acceleration[i][b] + sum_a[i] + through)
+            force.append(inertia + added(grad[j, b] * stress[j] for j in range(3)))
+        momentum.append(scatter(tuple(force), tets, n_nodes))
+    continuity = tuple(
+        V / 4.0 * divergence + added(grad[i, b] * fine_flux[i] for i in range(3)) for b in range(4)
+    )
     return jnp.stack(momentum), scatter(continuity, tets, n_nodes)

@@ -56,7 +56,7 @@ def breadth_first_levels(
     Returns:
         The levels whose sizes have the smallest sum of squares.
     """
-    if not graph.shape[0]:
+    if not (graph.indptr.size - 1):
         return np.zeros(0, int)
     n_components, component = connected_components(graph, directed=False)
     first = [np.unique(component, return_index=True)[1]]

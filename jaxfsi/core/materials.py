@@ -17,38 +17,57 @@ program to 0.7 %, without it they are 4 to 23 % apart. `volumetric_penalty` is t
 """
 
 import abc
+from collections.abc import Sequence
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxfsi.core.elements import added
 from lumped.parameters import Parameter, parameter
 
-Tensor = Float[Array, "3 3 tets"]
+Tensor = Sequence[Sequence[Float[Array, " tets"]]] | Float[Array, "3 3 tets"]
+"""Components of a tensor on each element: rows of arrays, or one array with the elements last."""
+
+_AXES = range(3)
 
 
 def product(a: Tensor, b: Tensor) -> Tensor:
     """Matrix product of the tensors of each element."""
-    return jnp.sum(a[:, :, None] * b[None], axis=1)
+    return [
+        [a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j] for j in _AXES] for i in _AXES
+    ]
 
 
 def transposed(a: Tensor) -> Tensor:
     """Transpose of the tensor of each element."""
-    return jnp.swapaxes(a, 0, 1)
+    return [[a[j][i] for j in _AXES] for i in _AXES]
+
+
+def combined(*terms: tuple[Parameter, Tensor]) -> Tensor:
+    """Sum of tensors, each times a number or one value an element."""
+    return [[added(c * a[i][j] for c, a in terms) for j in _AXES] for i in _AXES]
+
+
+def plus_identity(a: Tensor, c: Parameter) -> Tensor:
+    """Add c times the identity."""
+    return [[a[i][j] + c if i == j else a[i][j] for j in _AXES] for i in _AXES]
 
 
 def _trace(a: Tensor) -> Float[Array, " tets"]:
-    return a[0, 0] + a[1, 1] + a[2, 2]
+    return a[0][0] + a[1][1] + a[2][2]
 
 
-def _isotropic(values: Float[Array, " tets"]) -> Tensor:
-    return jnp.eye(3)[:, :, None] * values
-
-
-def _determinant_and_inverse(a: Tensor) -> tuple[Float[Array, " tets"], Tensor]:
-    rows = [jnp.cross(a[:, (i + 1) % 3], a[:, (i + 2) % 3], axis=0) for i in range(3)]
-    det = jnp.sum(a[:, 0] * rows[0], axis=0)
-    return det, jnp.stack(rows) / det
+def _determinant_and_cofactor(a: Tensor) -> tuple[Float[Array, " tets"], Tensor]:
+    """Determinant, and the transposed inverse times it."""
+    cofactor = [
+        [
+            a[(i + 1) % 3][(j + 1) % 3] * a[(i + 2) % 3][(j + 2) % 3]
+            - a[(i + 1) % 3][(j + 2) % 3] * a[(i + 2) % 3][(j + 1) % 3]
+            for j in _AXES
+        ]
+        for i in _AXES
+    ]
+    return added(a[0][j] * cofactor[0][j] for j in _AXES), cofactor
 
 
 class AbstractMaterial(eqx.Module):
@@ -87,9 +106,8 @@ class LinearElastic(AbstractMaterial):
     def stress(self, F: Tensor) -> Tensor:
         """First Piola-Kirchhoff stress [dyn/cm²] at a deformation gradient."""
         lam, G = self.moduli
-        displacement_gradient = F - jnp.eye(3)[:, :, None]
-        twice_strain = displacement_gradient + transposed(displacement_gradient)
-        return G * twice_strain + _isotropic(lam * _trace(displacement_gradient))
+        H = plus_identity(F, -1.0)
+        return plus_identity(combined((G, H), (G, transposed(H))), lam * _trace(H))
 
 
 class SaintVenantKirchhoff(AbstractMaterial):
@@ -114,11 +132,11 @@ class SaintVenantKirchhoff(AbstractMaterial):
     def stress(self, F: Tensor) -> Tensor:
         """First Piola-Kirchhoff stress [dyn/cm²] at a deformation gradient."""
         lam, G = _lame(self.E, self.nu)
-        twice_green = product(transposed(F), F) - jnp.eye(3)[:, :, None]
-        S = G * twice_green + _isotropic(lam * _trace(twice_green) / 2.0)
-        J, inverse = _determinant_and_inverse(F)
-        penalty = self.volumetric_penalty * (J**2 - 1.0) / 2.0
-        return product(F, S) + penalty * transposed(inverse)
+        twice_green = plus_identity(product(transposed(F), F), -1.0)
+        S = plus_identity(combined((G, twice_green)), lam * _trace(twice_green) / 2.0)
+        J, cofactor = _determinant_and_cofactor(F)
+        penalty = self.volumetric_penalty * (J - 1.0 / J) / 2.0
+        return combined((1.0, product(F, S)), (penalty, cofactor))
 
 
 class NeoHookean(AbstractMaterial):
@@ -140,8 +158,8 @@ class NeoHookean(AbstractMaterial):
     def stress(self, F: Tensor) -> Tensor:
         """First Piola-Kirchhoff stress [dyn/cm²] at a deformation gradient."""
         lam, G = self.moduli
-        J, inverse = _determinant_and_inverse(F)
-        cofactor = transposed(inverse)
-        mean_square = jnp.sum(F * F, axis=(0, 1)) / 3.0
-        shape = G * J ** (-2.0 / 3.0) * (F - mean_square * cofactor)
-        return shape + (lam + 2.0 * G / 3.0) * (J**2 - 1.0) / 2.0 * cofactor
+        J, cofactor = _determinant_and_cofactor(F)
+        mean_square = added(F[i][j] ** 2 for i in _AXES for j in _AXES) / 3.0
+        shape = G * J ** (-2.0 / 3.0)
+        pressure = (lam + 2.0 * G / 3.0) * (J - 1.0 / J) / 2.0
+        return combined((shape, F), (pressure - shape * mean_square / J, cofactor))

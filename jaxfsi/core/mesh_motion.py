@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.assembly import assembled, host_geometry, stiffness
-from jaxfsi.core.elements import Geometry, gradient, scatter
+from jaxfsi.core.elements import Geometry, added, corners, gradient, scatter
 from jaxfsi.core.level_factor import LevelFactor, level_factor, level_solve
 from jaxfsi.core.model import Model
 
@@ -28,7 +28,7 @@ class MeshMotion(eqx.Module):
     Attributes:
         factor: of the weighted Laplacian on the nodes that move freely.
         free: these nodes.
-        shape: reference geometry of the fluid elements; `volume` holds the integration weight.
+        shape: reference geometry of the fluid elements; the weight V/V is 1 and stands as `volume`.
         tets: corners of the fluid elements.
     """
 
@@ -63,8 +63,9 @@ def mesh_displacement(
     """
 
     def component(d: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
-        slope = jnp.stack(gradient(d[motion.tets], motion.shape))
-        flux = jnp.sum(motion.shape.grad * slope[:, None], axis=0) * motion.shape.volume
+        slope = gradient(corners(d, motion.tets), motion.shape)
+        grad = motion.shape.grad
+        flux = tuple(added(grad[j, b] * slope[j] for j in range(3)) for b in range(4))
         residual = scatter(flux, motion.tets, d.shape[0])[motion.free]
         return d.at[motion.free].add(-level_solve(motion.factor, residual))
 

@@ -5,7 +5,8 @@ stabilisation, viscosity), to which come what couples the components: the transp
 viscous stress and the least-squares term on the divergence, element by element, and the wall.
 With the weights w_a, w_u of acceleration and velocity in the step::
 
-    A_ab = ∫ ρ N_a (w_a N_b + w_u c*·∇N_b) + ρτ ∇N_a·∫ c* ρ (w_a N_b + w_u c·∇N_b) + w_u ∫ μ ∇N_a·∇N_b
+    A_ab = ∫ ρ N_a (w_a N_b + w_u c*·∇N_b) + ρτ ∇N_a·∫ c* ρ (w_a N_b + w_u c·∇N_b)
+           + w_u ∫ μ ∇N_a·∇N_b
     G_ab = w_u (−∫ ∇N_a N_b + ρτ ∫ c*·∇N_a ∇N_b)
     D_ab = w_u ∫ N_a ∇N_b + ∫ τρ ∇N_a (w_a N_b + w_u c·∇N_b),   C_ab = w_u ∫ τ ∇N_a·∇N_b
 
@@ -19,12 +20,23 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxfsi.core.assembly import MASS
-from jaxfsi.core.elements import area_vectors, face_load, flux, geometry, gradient, scatter
+from jaxfsi.core.elements import (
+    added,
+    area_vectors,
+    face_load,
+    flux,
+    geometry,
+    gradient,
+    scatter,
+    total,
+    vector_corners,
+)
 from jaxfsi.core.equations import BACKFLOW, Step, Unknowns, outer_share
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import FlowPort
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
+from lumped.parameters import Parameter
 
 
 class WallStencil(eqx.Module):
@@ -76,25 +88,38 @@ def assemble_step(
     grad, V = step.fluid_shape
     k = step.coefficients
     rho, tau, mu = model.blood.rho_f, k.tau_momentum, k.mu
-    c = k.c[:, model.fluid_tets]
-    sum_c = jnp.sum(c, axis=1)
+    c = vector_corners(k.c, model.fluid_tets)
+    sum_c = [total(component) for component in c]
     # ∫ c_j N_b, ∫ c_j c_k and ∫ (c + u′)_j over the element
-    c_value = V / 20.0 * (c + sum_c[:, None])
-    cc = V / 20.0 * (jnp.sum(c[:, None] * c[None], axis=2) + sum_c[:, None] * sum_c[None])
-    mean = sum_c / 4.0
-    advected = V * (mean + k.fine)
-    # c·∇N_b per unit volume with the mean c, and the same through ∫ c* ⊗ c
-    along = jnp.sum(mean[:, None] * grad, axis=0)
-    carried = jnp.sum(cc[:, :, None] * grad[None], axis=1) + V * k.fine[:, None] * along
-    inertia = w_a * rho * (c_value + V / 4.0 * k.fine[:, None]) + w_u * rho * carried
+    c_value = [[V / 20.0 * (c[j][b] + sum_c[j]) for b in range(4)] for j in range(3)]
+    cc = [
+        [
+            V / 20.0 * (added(c[i][b] * c[j][b] for b in range(4)) + sum_c[i] * sum_c[j])
+            for j in range(3)
+        ]
+        for i in range(3)
+    ]
+    advected = [V * (sum_c[j] / 4.0 + k.fine[j]) for j in range(3)]
+    # c·∇N_b per unit volume with the mean c, and ∫ ρ c* (w_a N_b + w_u c·∇N_b)
+    along = [added(sum_c[j] / 4.0 * grad[j, b] for j in range(3)) for b in range(4)]
+    inertia = [
+        [
+            rho * w_a * (c_value[i][b] + V / 4.0 * k.fine[i])
+            + rho
+            * w_u
+            * (added(cc[i][j] * grad[j, b] for j in range(3)) + V * k.fine[i] * along[b])
+            for b in range(4)
+        ]
+        for i in range(3)
+    ]
     A, G, D, C = [], ([], [], []), ([], [], []), []
     for a in range(4):
-        test = c_value[:, a] + V / 4.0 * k.fine
-        upwind = jnp.sum(grad[:, a] * advected, axis=0)
+        test = [c_value[j][a] + V / 4.0 * k.fine[j] for j in range(3)]
+        upwind = added(grad[j, a] * advected[j] for j in range(3))
         for b in range(4):
-            galerkin = w_a * MASS[a, b] * V + w_u * jnp.sum(test * grad[:, b], axis=0)
-            stabilised = tau * jnp.sum(grad[:, a] * inertia[:, b], axis=0)
-            laplace = jnp.sum(grad[:, a] * grad[:, b], axis=0) * V * w_u
+            galerkin = w_a * MASS[a, b] * V + w_u * added(test[j] * grad[j, b] for j in range(3))
+            stabilised = tau * added(grad[j, a] * inertia[j][b] for j in range(3))
+            laplace = added(grad[j, a] * grad[j, b] for j in range(3)) * V * w_u
             A.append(rho * (galerkin + stabilised) + mu * laplace)
             C.append(tau * laplace)
             strong = tau * rho * V * (w_a / 4.0 + w_u * along[b])
@@ -103,7 +128,7 @@ def assemble_step(
                 D[i].append(w_u * V / 4.0 * grad[i, b] + strong * grad[i, a])
 
     def stencil(entries: list[Array]) -> Values:
-        return assemble(jnp.stack(entries).reshape(4, 4, -1), fluid)
+        return assemble(entries, fluid)
 
     return StepOperator(
         fluid,
@@ -128,7 +153,7 @@ def apply_step(
     if operator.wall is not None:
         W = operator.wall
         rows = [
-            row + sum(apply(W.values[i, j], W.pattern, v.u[j]) for j in range(3))
+            row + added(apply(W.values[i, j], W.pattern, v.u[j]) for j in range(3))
             for i, row in enumerate(rows)
         ]
     r_u = jnp.stack(rows) - _port_slope(v.u, model, step, w_u)
@@ -139,25 +164,25 @@ def apply_step(
 
 
 def _coupling(
-    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: float
+    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: Parameter
 ) -> list[Float[Array, " nodes"]]:
     """Terms between components: ∫ ∂_jN_a (μ ∂_i u_j + δ_ij τ_C ∇·u)."""
     tets, (grad, V) = model.fluid_tets, step.fluid_shape
-    corner = u[:, tets]
-    slope = [gradient(corner[j], step.fluid_shape) for j in range(3)]
+    slope = [gradient(component, step.fluid_shape) for component in vector_corners(u, tets)]
     divergence = slope[0][0] + slope[1][1] + slope[2][2]
     spread = step.coefficients.tau_continuity * divergence
     rows = []
     for i in range(3):
         stress = [step.coefficients.mu * slope[j][i] for j in range(3)]
         stress[i] = stress[i] + spread
-        force = sum(grad[j] * (w_u * V * stress[j]) for j in range(3))
-        rows.append(scatter(jnp.asarray(force), tets, model.n_nodes))
+        pull = [w_u * V * s for s in stress]
+        force = tuple(added(grad[j, b] * pull[j] for j in range(3)) for b in range(4))
+        rows.append(scatter(force, tets, model.n_nodes))
     return rows
 
 
 def _port_slope(
-    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: float
+    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: Parameter
 ) -> Float[Array, "3 nodes"]:
     """Derivative of the ports' forces along a change of velocity."""
     load = jnp.zeros_like(u)
@@ -196,7 +221,8 @@ def wall_stencil(dt: float, model: Model, method: GeneralizedAlpha) -> WallStenc
             values = V * (lam * plain + G * jnp.swapaxes(plain, 0, 1))
             if i == j:
                 values = values + mass + laplace
-            stencil = assemble(values, places)
+            entries = [values[a, b] for a in range(4) for b in range(4)]
+            stencil = assemble(entries, places)
             if i == j:
                 own = places.neighbour == jnp.arange(model.n_nodes)
                 first = jnp.cumsum(own, axis=0) == 1

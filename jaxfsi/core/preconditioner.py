@@ -33,7 +33,7 @@ from jaxfsi.core.assembly import (
     isotropic_stiffness,
     stiffness,
 )
-from jaxfsi.core.elements import scatter
+from jaxfsi.core.elements import added, corners, scatter, total, vector_corners
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.level_factor import LevelFactor, level_factor, level_solve
 from jaxfsi.core.model import Model
@@ -209,15 +209,21 @@ def _wall_response(blocks, A_wall, wall_nodes, interface) -> Float[np.ndarray, "
 
 def _weak_gradient(M: Preconditioner, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
     """G p: force of a pressure on the nodes."""
-    total = jnp.sum(p[M.fluid_tets], axis=0)
-    return jnp.stack([scatter(g * total, M.fluid_tets, p.shape[0]) for g in M.gradient])
+    whole = total(corners(p, M.fluid_tets))
+    return jnp.stack(
+        [
+            scatter(tuple(g[b] * whole for b in range(4)), M.fluid_tets, p.shape[0])
+            for g in M.gradient
+        ]
+    )
 
 
 def _weak_gradient_transposed(
     M: Preconditioner, u: Float[Array, "3 nodes"]
 ) -> Float[Array, " nodes"]:
-    total = jnp.sum(M.gradient * u[:, M.fluid_tets], axis=(0, 1))
-    return scatter(jnp.broadcast_to(total, M.fluid_tets.shape), M.fluid_tets, u.shape[1])
+    velocity = vector_corners(u, M.fluid_tets)
+    whole = added(M.gradient[i, b] * velocity[i][b] for i in range(3) for b in range(4))
+    return scatter((whole, whole, whole, whole), M.fluid_tets, u.shape[1])
 
 
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:

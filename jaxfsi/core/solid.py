@@ -12,8 +12,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import Geometry, gradient, scatter
-from jaxfsi.core.materials import AbstractMaterial, Tensor, product, transposed
+from jaxfsi.core.elements import Geometry, added, gradient, scatter, total, vector_corners
+from jaxfsi.core.materials import (
+    AbstractMaterial,
+    Tensor,
+    combined,
+    plus_identity,
+    product,
+    transposed,
+)
 from lumped.parameters import Parameter, parameter
 
 
@@ -39,9 +46,11 @@ def deformation_gradient(
     d: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry
 ) -> Tensor:
     """F = I + ∂d/∂X on each element."""
-    corner = d[:, tets]
-    rows = [jnp.stack(gradient(corner[i], shape)) for i in range(3)]
-    return jnp.stack(rows) + jnp.eye(3)[:, :, None]
+    return plus_identity(_slopes(d, tets, shape), 1.0)
+
+
+def _slopes(d: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry) -> Tensor:
+    return [gradient(component, shape) for component in vector_corners(d, tets)]
 
 
 def solid_residual(
@@ -66,17 +75,19 @@ def solid_residual(
     """
     n_nodes = u.shape[1]
     F = deformation_gradient(d, tets, shape)
-    rate = deformation_gradient(u, tets, shape) - jnp.eye(3)[:, :, None]
-    strain_rate = product(transposed(F), rate)
-    S = wall.damping * (strain_rate + transposed(strain_rate))
+    strain_rate = product(transposed(F), _slopes(u, tets, shape))
+    S = combined((wall.damping, strain_rate), (wall.damping, transposed(strain_rate)))
     if prestress is not None:
-        S = S + prestress
-    stress = (wall.material.stress(F) + product(F, S)) * shape.volume
-    corner = a[:, tets]
+        S = combined((1.0, S), (1.0, prestress))
+    V = shape.volume
+    stress = combined((V, wall.material.stress(F)), (V, product(F, S)))
     mass = wall.rho_s * shape.volume / 20.0
     rows = []
-    for i in range(3):
-        inertia = mass * (corner[i] + jnp.sum(corner[i], axis=0))
-        internal = jnp.sum(shape.grad * stress[i][:, None], axis=0)
-        rows.append(scatter(inertia + internal, tets, n_nodes))
+    for i, corner in enumerate(vector_corners(a, tets)):
+        whole = total(corner)
+        force = tuple(
+            mass * (corner[b] + whole) + added(shape.grad[j, b] * stress[i][j] for j in range(3))
+            for b in range(4)
+        )
+        rows.append(scatter(force, tets, n_nodes))
     return jnp.stack(rows)

@@ -9,6 +9,8 @@ On a CPU this is about ten times cheaper than the same product element by elemen
 fields can share the values.
 """
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -43,11 +45,18 @@ def pattern(tets: Int[np.ndarray, "tets 4"], n_nodes: int) -> Pattern:
     return Pattern(jnp.asarray(neighbour), jnp.asarray(np.moveaxis(slot, 0, 2)))
 
 
-def assemble(values: Float[Array, "4 4 tets"], pattern: Pattern) -> Values:
-    """Sum element matrices into a stencil."""
+def assemble(entries: Sequence[Float[Array, " tets"]], pattern: Pattern) -> Values:
+    """Sum element matrices into a stencil.
+
+    Args:
+        entries: the sixteen entries of the element matrices, row by row.
+        pattern: of the same elements.
+    """
     shape = pattern.neighbour.shape
-    flat = jnp.zeros(shape[0] * shape[1], values.dtype)
-    return flat.at[pattern.slot.reshape(-1)].add(values.reshape(-1)).reshape(shape)
+    flat = jnp.zeros(shape[0] * shape[1], entries[0].dtype)
+    for index, entry in enumerate(entries):
+        flat = flat.at[pattern.slot[index // 4, index % 4]].add(entry)
+    return flat.reshape(shape)
 
 
 def apply(

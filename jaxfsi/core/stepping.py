@@ -2,8 +2,9 @@
 
 Newton's method with GMRES, started from the extrapolated state, on the tangent of `operator`. The
 fluid is linear in the unknowns, so that one solve is often enough; the residual is evaluated
-again, and a correction follows where it asks for one. Residuals are weighted by the square root of the frozen
-diagonal, which makes momentum and continuity comparable (both become the root of a power).
+again, and a correction follows where it asks for one. Residuals are weighted by the square root
+of the frozen diagonal, which makes momentum and continuity comparable (both become the root of a
+power).
 
 The derivative of a step is that of its equations (implicit function theorem): one linear solve
 with the Jacobian, or with its transpose in reverse mode, whatever the forward solve took.

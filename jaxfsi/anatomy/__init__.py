@@ -1,3 +1,43 @@
 """Anatomies: the lumen and the wall of the vessels as implicit functions with named openings."""
 
 from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.curves import (
+    Curve,
+    CurveCoordinates,
+    at_arc_length,
+    bezier_points,
+    curve_coordinates,
+    curve_through,
+    extended,
+    polyline_points,
+    rotation_minimising_normals,
+)
+from jaxfsi.anatomy.grid import Grid, sample_near_zero
+from jaxfsi.anatomy.implicit import (
+    Foot,
+    Tube,
+    elliptic_contours,
+    polar_contours,
+    smooth_minimum,
+    surface_points,
+    tube,
+    tube_foot,
+)
+from jaxfsi.anatomy.parameters import (
+    ParameterFault,
+    SyntheticAnatomy,
+    adult_anatomy,
+    check_parameters,
+    paediatric_anatomy,
+    parameter_faults,
+    scaled_anatomy,
+)
+from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
+from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
+from jaxfsi.anatomy.wall import (
+    offset_by_class,
+    requested_thickness,
+    thickness_from_radius,
+    wall_distance,
+    wall_function,
+)

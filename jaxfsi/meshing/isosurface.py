@@ -2,13 +2,16 @@
 
 The zero set meets an edge of opposite signs in one point and a tetrahedron in a triangle (one
 node against three) or a quadrilateral (two against two), which is split in two triangles. On a
-conforming lattice the result is a manifold, open only where the lattice ends.
+conforming lattice the result is a manifold, open only where the lattice ends. The function itself
+then moves each point along its edge (one step of regula falsi), which topology does not notice.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+
+from jaxfsi.anatomy.anatomy import PointFunction
 
 # Points stay this share of an edge away from its ends: no triangle without area.
 _MARGIN = 0.02
@@ -32,8 +35,16 @@ def extract_surface(
     points: Float[np.ndarray, "nodes 3"],
     tets: Int[np.ndarray, "tets 4"],
     values: Float[np.ndarray, " nodes"],
+    f: PointFunction,
 ) -> Surface:
-    """The zero set of a piecewise-linear function, with normals towards positive values."""
+    """The zero set of a function sampled on a lattice, with normals towards positive values.
+
+    Args:
+        points: nodes of the lattice [cm].
+        tets: its tetrahedra.
+        values: of the function at the nodes, none of them zero.
+        f: the function.
+    """
     signs = (values[tets] > 0.0) @ (1 << np.arange(4))
     # A pattern and its complement cut the same edges.
     pattern = np.where(signs & 8, 15 - signs, signs)
@@ -50,10 +61,26 @@ def extract_surface(
     edges = np.sort(np.concatenate(pieces), axis=-1)
     keys, back = np.unique(edges @ np.array([len(points), 1]), return_inverse=True)
     low, high = np.divmod(keys, len(points))
-    share = np.clip(values[low] / (values[low] - values[high]), _MARGIN, 1.0 - _MARGIN)
-    vertices = points[low] + share[:, None] * (points[high] - points[low])
+    vertices = _zeros(points[low], points[high], values[low], values[high], f)
     triangles = back.reshape(-1, 3)
     return Surface(vertices, _towards_positive(vertices, triangles, edges, points, values))
+
+
+def _zeros(
+    a: Float[np.ndarray, "edges 3"],
+    b: Float[np.ndarray, "edges 3"],
+    f_a: Float[np.ndarray, " edges"],
+    f_b: Float[np.ndarray, " edges"],
+    f: PointFunction,
+) -> Float[np.ndarray, "edges 3"]:
+    """Zeros of f on edges at whose ends it has opposite signs."""
+    share = f_a / (f_a - f_b)
+    value = np.asarray(f(a + share[:, None] * (b - a)))
+    beyond = value * f_a > 0.0
+    start, end = np.where(beyond, share, 0.0), np.where(beyond, 1.0, share)
+    f_start, f_end = np.where(beyond, value, f_a), np.where(beyond, f_b, value)
+    share = start + (end - start) * f_start / (f_start - f_end)
+    return a + np.clip(share, _MARGIN, 1.0 - _MARGIN)[:, None] * (b - a)
 
 
 def _cut(

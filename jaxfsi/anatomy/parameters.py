@@ -14,6 +14,10 @@ Side = Literal["left", "right"]
 
 ADULT_SURFACE_AREA_M2 = 1.9
 
+# The arc that leads into the wall must be wider than the lumen that follows it.
+_BEND_PER_HALF_WIDTH = 1.6
+_LEAST_BEND = 0.1  # [cm]
+
 
 @dataclasses.dataclass(frozen=True)
 class SyntheticAnatomy:
@@ -160,14 +164,40 @@ class ParameterFault(NamedTuple):
         return f"{self.name} = {value}, allowed {self.allowed}: {self.cure}"
 
 
-def shortest_intramural_length(p: SyntheticAnatomy) -> float:
-    """Least intramural length [cm] in which the artery can reach its depth in the wall.
+class Approach(NamedTuple):
+    """How the axis of the anomalous artery gets from the ostium to its depth in the wall.
 
-    The axis rises from the aortic lumen to septum + minor half axis at the take-off angle; the
-    tenth of the septum's thickness beyond is the least course with a septum worth the name.
+    Attributes:
+        bend: radius of the arc that turns it parallel to the wall [cm].
+        s_arc: arc length from the ostium at which the arc begins [cm]; negative where the ostium
+            lies on the arc.
+        s_parallel: arc length at which it runs parallel to the wall [cm].
     """
-    depth = p.septum + p.intramural_half_axes[1]
-    return depth / math.tan(p.take_off_angle) + depth
+
+    bend: float
+    s_arc: float
+    s_parallel: float
+
+
+def approach(p: SyntheticAnatomy) -> Approach:
+    """Straight rise at the take-off angle α and an arc of radius ρ to the depth D.
+
+    Over the arc the depth grows by ρ (1 − cos α); the rest is straight, (D − ρ (1 − cos α))/sin α.
+    """
+    alpha, minor = p.take_off_angle, p.intramural_half_axes[1]
+    level = p.septum + minor
+    bend = max(_BEND_PER_HALF_WIDTH * max(minor, p.ostium_minor / 2.0), _LEAST_BEND)
+    arc_depth = bend * (1.0 - math.cos(alpha))
+    if arc_depth < level:
+        s_arc = (level - arc_depth) / math.sin(alpha)
+    else:
+        s_arc = -bend * (alpha - math.acos(1.0 - level / bend))
+    return Approach(bend, s_arc, s_arc + bend * alpha)
+
+
+def shortest_intramural_length(p: SyntheticAnatomy) -> float:
+    """Least intramural length [cm]: the approach to its depth, and half that depth of plateau."""
+    return approach(p).s_parallel + 0.5 * (p.septum + p.intramural_half_axes[1])
 
 
 def _range_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:

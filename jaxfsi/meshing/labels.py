@@ -44,7 +44,8 @@ def label_faces(
 
     Raises:
         ValueError: two openings share a name, an opening has no blood face or no cut wall round
-            it, or part of the fluid's boundary lies neither in an opening nor on the solid.
+            it, its ball cuts through the wall, or part of the fluid's boundary lies neither in an
+            opening nor on the solid.
     """
     names = [opening.name for opening in openings]
     _check_names(names)
@@ -62,7 +63,7 @@ def label_faces(
         if has_solid and not np.any(ring == i):
             raise ValueError(
                 f"the opening {name!r} near {place(openings[i].centre)} has no cut wall round it."
-                " Enlarge its radius to hold the wall, or check that the wall reaches the plane."
+                " Check that the wall reaches its plane and lies in its ball."
             )
     open_faces = bounds.fluid[cap < 0]
     if has_solid and len(open_faces):
@@ -102,19 +103,34 @@ def _cap_of(
     normals = np.cross(edges[:, 1], edges[:, 2])
     best = np.full(len(faces), np.inf)
     cap = np.full(len(faces), -1, dtype=np.int64)
+    planes: list[Bool[np.ndarray, " faces"]] = []
     for i, opening in enumerate(openings):
         offset = corners - opening.centre
         height = np.max(np.abs(offset @ opening.normal), axis=1, initial=0.0)
         distance = np.sqrt(np.max(np.sum(offset**2, axis=2), axis=1, initial=0.0))
-        inside: Bool[np.ndarray, " faces"] = (
-            (height <= _PLANE_TOLERANCE * longest)
-            & (distance <= opening.radius)
-            & (normals @ opening.normal > 0.0)
-            & (distance < best)
+        in_plane: Bool[np.ndarray, " faces"] = (height <= _PLANE_TOLERANCE * longest) & (
+            normals @ opening.normal > 0.0
         )
+        inside = in_plane & (distance <= opening.radius) & (distance < best)
         cap[inside] = i
         best[inside] = distance[inside]
+        planes.append(in_plane)
+    for i, opening in enumerate(openings):
+        if _touch(faces[cap == i], faces[planes[i] & (cap < 0)]):
+            raise ValueError(
+                f"the ball of the opening {opening.name!r} near {place(opening.centre)}, radius"
+                f" {opening.radius:.4g} cm, cuts through the faces in its plane. Enlarge it to hold"
+                " the wall of its vessel."
+            )
     return cap
+
+
+def _touch(some: Int[np.ndarray, "some 3"], others: Int[np.ndarray, "others 3"]) -> bool:
+    """Whether triangles share an edge with others."""
+    if len(some) == 0 or len(others) == 0:
+        return False
+    known, _ = unique_rows(np.sort(triangle_edges(others).reshape(-1, 2), axis=1))
+    return bool(np.any(find_rows(triangle_edges(some).reshape(-1, 2), known) >= 0))
 
 
 def labelled_mesh(
@@ -235,3 +251,70 @@ def _patch_opening(
     in_plane = (height <= _PLANE_TOLERANCE * rim) & (reach <= 3.0 * rim)
     radius = max(rim, float(np.max(reach[in_plane], initial=0.0)))
     return total, Opening("", centre, normal, 1.001 * radius)
+
+
+def complete_labels(
+    points: Float[np.ndarray, "nodes 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    region: Int[np.ndarray, " tets"],
+    named: Mapping[str, Int[np.ndarray, "faces 3"]],
+) -> Mesh:
+    """A labelled mesh from named faces of which the walls may be missing or turned.
+
+    All faces are turned to point out of their region. Interface faces without a name become
+    ``interface``; so do, where there is no solid, boundary faces of the fluid if nothing is named
+    ``interface``. Faces of the solid without a name become the ring of an opening that they
+    touch in its plane, or ``outer_wall``.
+
+    Args:
+        points: node positions [cm].
+        tets: nodes of each tetrahedron, positively oriented.
+        region: `Region` of each tetrahedron.
+        named: triangles by label, of either sense.
+
+    Raises:
+        ValueError: a named triangle is no boundary or interface face, or boundary faces of the
+            fluid have no name.
+    """
+    groups = {name: outward(faces, tets, region) for name, faces in named.items() if len(faces)}
+    bounds = region_faces(tets, region)
+    known = np.concatenate([np.zeros((0, 3), dtype=np.int64), *groups.values()])
+    interface, fluid, solid = (
+        faces[find_rows(faces, known) < 0]
+        for faces in (bounds.interface, bounds.fluid, bounds.solid)
+    )
+    if len(fluid) and len(bounds.interface) == 0 and INTERFACE not in groups:
+        interface, fluid = fluid, fluid[:0]
+    if len(fluid):
+        raise ValueError(
+            f"{len(fluid)} boundary faces of the fluid have no name, the first at"
+            f" {place(points[fluid[0]].mean(axis=0))}. Name every opening in the file."
+        )
+    openings = [
+        name
+        for name in groups
+        if name not in (INTERFACE, OUTER_WALL) and not name.endswith(RING_SUFFIX)
+    ]
+    ring = _ring_of(points, solid, [groups[name] for name in openings])
+    extra = {INTERFACE: interface, OUTER_WALL: solid[ring < 0]}
+    extra |= {name + RING_SUFFIX: solid[ring == i] for i, name in enumerate(openings)}
+    for name, faces in extra.items():
+        if len(faces):
+            groups[name] = np.concatenate([groups.get(name, faces[:0]), faces])
+    return labelled_mesh(points, tets, region, groups)
+
+
+def _ring_of(
+    points: Float[np.ndarray, "nodes 3"],
+    solid: Int[np.ndarray, "solid 3"],
+    openings: list[Int[np.ndarray, "faces 3"]],
+) -> Int[np.ndarray, " solid"]:
+    """Opening whose cut wall each face of the solid is, −1 for none."""
+    planes = []
+    for faces in openings:
+        a, b, c = (points[faces[:, i]] for i in range(3))
+        vector = np.cross(b - a, c - a).sum(axis=0)
+        centre = points[faces].mean(axis=(0, 1))
+        rim = float(np.max(np.linalg.norm(points[faces] - centre, axis=2)))
+        planes.append(Opening("", centre, vector / np.linalg.norm(vector), 3.0 * rim))
+    return _cap_of(points, solid, planes)

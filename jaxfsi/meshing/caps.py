@@ -35,9 +35,7 @@ class Cap(NamedTuple):
     triangles: Int[np.ndarray, "triangles 3"]
 
 
-def disc(
-    loop: Float[np.ndarray, "loop 3"], opening: Opening, field: SizeField
-) -> Cap:
+def disc(loop: Float[np.ndarray, "loop 3"], opening: Opening, field: SizeField) -> Cap:
     """Close a loop by triangles of the local size.
 
     Args:
@@ -128,9 +126,7 @@ def _graded_lattice(border: Plane, size) -> Plane:
     return added
 
 
-def _hexagons(
-    low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], spacing: float
-) -> Plane:
+def _hexagons(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], spacing: float) -> Plane:
     height = 0.5 * np.sqrt(3.0) * spacing
     rows = np.arange(int(np.ceil((high[1] - low[1]) / height)) + 1)
     columns = np.arange(int(np.ceil((high[0] - low[0]) / spacing)) + 2)

@@ -98,9 +98,7 @@ def region_surface(complex_: Complex, region: Region) -> RegionSurface:
         triangles = complex_.triangles[rows]
         triangles = np.where(turned, triangles[:, ::-1], triangles)
     nodes, back = np.unique(triangles, return_inverse=True)
-    return RegionSurface(
-        complex_.points[nodes], back.reshape(-1, 3), complex_.label[rows], nodes
-    )
+    return RegionSurface(complex_.points[nodes], back.reshape(-1, 3), complex_.label[rows], nodes)
 
 
 def check_complex(complex_: Complex, anatomy: Anatomy, *, least_quality: float) -> None:

@@ -1,0 +1,78 @@
+"""How well a mesh keeps to its anatomy: wall and septum thickness, elements across the lumen."""
+
+import dataclasses
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxfsi.anatomy import Anatomy
+from jaxfsi.faces import tet_edges
+from jaxfsi.mesh import INTERFACE, Mesh, Region
+from jaxfsi.meshing.projection import gradients, triangle_normals
+from jaxfsi.meshing.quality import Spread, edge_lengths, spread_of
+from jaxfsi.meshing.sizes import solid_depth
+from jaxfsi.meshing.thickness import Exit, wall_thickness
+
+
+@dataclasses.dataclass(frozen=True)
+class Fidelity:
+    """A mesh against the implicit functions that it was made from.
+
+    Attributes:
+        wall_ratio: thickness of the wall over that of the anatomy along the same ray.
+        septum_ratio: the same where the wall parts two lumens; None where it never does.
+        elements_across: local width of the lumen over the mean edge of the blood there.
+    """
+
+    wall_ratio: Spread | None
+    septum_ratio: Spread | None
+    elements_across: Spread
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain values for a JSON file."""
+        return {
+            name: None if spread is None else spread._asdict()
+            for name, spread in (
+                ("wall_ratio", self.wall_ratio),
+                ("septum_ratio", self.septum_ratio),
+                ("elements_across", self.elements_across),
+            )
+        }
+
+
+def mesh_fidelity(mesh: Mesh, anatomy: Anatomy) -> Fidelity:
+    """Compare thickness and resolution of a mesh with its anatomy.
+
+    Thickness is measured along the normals of the interface triangles, in the mesh from
+    tetrahedron to tetrahedron, in the anatomy along the implicit functions.
+    """
+    measured = wall_thickness(mesh)
+    normals = triangle_normals(mesh.points, mesh.labelled(INTERFACE))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    slope = gradients(anatomy.lumen, measured.points, step=1e-3)
+    square = np.maximum(np.einsum("pk,pk->p", slope, slope), 1e-2)
+    start = measured.points - (anatomy.lumen(measured.points) / square)[:, None] * slope
+    # Rays that run along the wall, near a tip or a cut end, measure no thickness.
+    limit = 2.0 * float(np.max(anatomy.thickness(start)))
+    wanted = solid_depth(anatomy, start, normals, limit=limit)
+    across = wanted < limit
+    ratio = measured.thickness / wanted
+    return Fidelity(
+        wall_ratio=_spread(ratio[across & (measured.exit == Exit.OUTER_WALL)]),
+        septum_ratio=_spread(ratio[across & (measured.exit == Exit.LUMEN)]),
+        elements_across=spread_of(elements_across(mesh, anatomy)),
+    )
+
+
+def elements_across(mesh: Mesh, anatomy: Anatomy) -> Float[np.ndarray, " nodes"]:
+    """Width of the lumen over the mean edge of the blood, at each node of the interface."""
+    edges = tet_edges(mesh.tets_of(Region.FLUID))
+    length = np.repeat(edge_lengths(mesh.points, edges), 2)
+    total = np.bincount(edges.ravel(), weights=length, minlength=len(mesh.points))
+    count = np.bincount(edges.ravel(), minlength=len(mesh.points))
+    nodes = np.unique(mesh.labelled(INTERFACE))
+    return 2.0 * anatomy.local_radius(mesh.points[nodes]) * count[nodes] / total[nodes]
+
+
+def _spread(values: Float[np.ndarray, " values"]) -> Spread | None:
+    return spread_of(values) if len(values) else None

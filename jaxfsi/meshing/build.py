@@ -215,7 +215,6 @@ def _surfaces(
     ]
     stages.enter("sizes")
     field = choose_sizes(
-        anatomy,
         sample_surface(anatomy, surfaces[0]),
         target=round(attempt.refinement * target),
         elements_across=elements_across,

@@ -137,7 +137,7 @@ def _hexagons(low: Float[np.ndarray, " 2"], high: Float[np.ndarray, " 2"], spaci
 
 def _rings(inner: Plane, outer: Plane, spacing: float, layers: int) -> Plane:
     """Rings of points between two loops at equal shares of the way."""
-    distance, index = KDTree(outer).query(inner)
+    distance, _ = KDTree(outer).query(inner)
     thickness = float(np.median(distance))
     count = max(layers, round(thickness / spacing))
     # The way from a fine point of the inner loop to the outer one along the mean direction.

@@ -13,6 +13,11 @@ from jaxfsi.meshing.quality import Spread, edge_lengths, spread_of
 from jaxfsi.meshing.sizes import solid_depth
 from jaxfsi.meshing.thickness import Exit, wall_thickness
 
+# Cosine between a ray and the normals of both surfaces above which it measures a thickness;
+# others run along the wall at tips, creases and cut ends.
+_ACROSS = 0.9
+_STEP = 1e-3  # of the differences for normals [cm]
+
 
 @dataclasses.dataclass(frozen=True)
 class Fidelity:
@@ -49,17 +54,19 @@ def mesh_fidelity(mesh: Mesh, anatomy: Anatomy) -> Fidelity:
     measured = wall_thickness(mesh)
     normals = triangle_normals(mesh.points, mesh.labelled(INTERFACE))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    slope = gradients(anatomy.lumen, measured.points, step=1e-3)
+    slope = gradients(anatomy.lumen, measured.points, step=_STEP)
     square = np.maximum(np.einsum("pk,pk->p", slope, slope), 1e-2)
     start = measured.points - (anatomy.lumen(measured.points) / square)[:, None] * slope
-    # Rays that run along the wall, near a tip or a cut end, measure no thickness.
     limit = 2.0 * float(np.max(anatomy.thickness(start)))
     wanted = solid_depth(anatomy, start, normals, limit=limit)
-    across = wanted < limit
+    end = start + wanted[:, None] * normals
+    leaves_wall = _along(gradients(anatomy.wall, end, step=_STEP), normals) > _ACROSS
+    enters_lumen = _along(gradients(anatomy.lumen, end, step=_STEP), normals) < -_ACROSS
+    across = (_along(slope, normals) > _ACROSS) & (wanted < limit)
     ratio = measured.thickness / wanted
     return Fidelity(
-        wall_ratio=_spread(ratio[across & (measured.exit == Exit.OUTER_WALL)]),
-        septum_ratio=_spread(ratio[across & (measured.exit == Exit.LUMEN)]),
+        wall_ratio=_spread(ratio[across & leaves_wall & (measured.exit == Exit.OUTER_WALL)]),
+        septum_ratio=_spread(ratio[across & enters_lumen & (measured.exit == Exit.LUMEN)]),
         elements_across=spread_of(elements_across(mesh, anatomy)),
     )
 
@@ -72,6 +79,14 @@ def elements_across(mesh: Mesh, anatomy: Anatomy) -> Float[np.ndarray, " nodes"]
     count = np.bincount(edges.ravel(), minlength=len(mesh.points))
     nodes = np.unique(mesh.labelled(INTERFACE))
     return 2.0 * anatomy.local_radius(mesh.points[nodes]) * count[nodes] / total[nodes]
+
+
+def _along(
+    slope: Float[np.ndarray, "rays 3"], direction: Float[np.ndarray, "rays 3"]
+) -> Float[np.ndarray, " rays"]:
+    """Cosine between gradients and unit directions."""
+    norm = np.maximum(np.linalg.norm(slope, axis=1), 1e-12)
+    return np.einsum("pk,pk->p", slope, direction) / norm
 
 
 def _spread(values: Float[np.ndarray, " values"]) -> Spread | None:

@@ -17,6 +17,7 @@ from jaxfsi.mesh import Region, tet_volumes
 from jaxfsi.meshing.complex import Complex, RegionSurface, region_surface
 from jaxfsi.meshing.isolate import Arrays, MeshingError, native_call, run_all_isolated
 from jaxfsi.meshing.isosurface import Surface
+from jaxfsi.meshing.layers import split_spanning_edges
 from jaxfsi.meshing.remesh import volume_call
 from jaxfsi.meshing.sizes import SizeField
 
@@ -137,7 +138,14 @@ def improve(
         _checked(out, surface.points, "mmg3d")
         for out, surface in zip(run_all_isolated(calls), surfaces, strict=True)
     ]
+    if layers:
+        improved = [_in_layers(part) for part in improved]
     return _joined(complex_, surfaces, improved)
+
+
+def _in_layers(part: Filling) -> Filling:
+    points, tets = split_spanning_edges(part.points, part.tets)
+    return Filling(points, tets, np.zeros(len(tets), dtype=np.int64))
 
 
 def _checked(out: Arrays, surface: Float[np.ndarray, "points 3"], name: str) -> Filling:

@@ -38,7 +38,7 @@ _CIRCUMRADIUS = 0.56
 _RESOLVED_GRADIENT = 0.7
 # Error of the linear interpolant at the middle of an edge over its length: length/(8 radius) on a
 # smooth surface, up to 1/2 across a ridge.
-_RIDGE_ERROR = 0.06
+_RIDGE_ERROR = 0.1
 # Above this diameter [cm] a small gradient alone calls for refinement.
 _BLIND_DIAMETER = 0.05
 # On edges below this length [cm] the local radius is interpolated.
@@ -55,8 +55,8 @@ class LatticeSettings(NamedTuple):
         largest: diameter that is never exceeded near a surface [cm].
     """
 
-    per_radius: float = 0.5
-    smallest: float = 0.016
+    per_radius: float = 0.6
+    smallest: float = 0.022
     largest: float = 0.3
 
     def finer(self) -> "LatticeSettings":

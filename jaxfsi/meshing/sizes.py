@@ -6,8 +6,9 @@ At the lumen's surface::
 
 where n elements across the minor axis are asked for. Elsewhere h(x) = minᵢ (h₀(xᵢ) + g |x − xᵢ|),
 so that h is Lipschitz with the growth g. The scale k follows from the number of tetrahedra that a
-preset aims at: the fluid takes about c_f ∫ h⁻³ dV and the wall, whose layers are thinner than h,
-about c_s ∫ h⁻² max(1, t/h) dA of them.
+preset aims at. The fluid takes about c_f ∫ h⁻³ dV of them, with dV = (1 − s/r) ds dA at the depth s
+under the surface, and the wall, which has at least two layers, about c_w ∫ h⁻² max(1, t/2h) dA
+of them, with h⁻² the mean of its two surfaces.
 """
 
 from typing import NamedTuple
@@ -15,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial import KDTree
-from scipy.stats import qmc
 
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.meshing.isosurface import Surface
@@ -28,9 +28,10 @@ _PER_THICKNESS = 1.5
 _GROWTH = 0.35
 _BINS = 12
 _SAMPLES = 6000
-_VOLUME_SAMPLES = 2**15
-_TETS_PER_FLUID = 9.0
-_TETS_PER_WALL = 16.0
+_DEPTHS = 8
+_BISECTIONS = 14
+_TETS_PER_FLUID = 9.5
+_TETS_PER_WALL = 10.0
 # Fewer elements than this across the lumen no longer show its shape.
 _LEAST_ACROSS = 2.0
 
@@ -163,7 +164,6 @@ def beyond_openings(
 
 
 def choose_sizes(
-    anatomy: Anatomy,
     samples: SurfaceSamples,
     *,
     target: int,
@@ -173,19 +173,16 @@ def choose_sizes(
     """The size field whose mesh has about ``target`` tetrahedra.
 
     Args:
-        anatomy: for the volume of the lumen.
         samples: of the lumen's surface.
         target: number of tetrahedra aimed at; `elements_across` and `wall_layers` go first.
         elements_across: least number of elements across the local width of the lumen.
         wall_layers: layers through the wall; more than two bound the size by the thickness.
     """
-    inside = _volume_samples(anatomy)
-    box = float(np.prod(np.diff(anatomy.bounds, axis=0)))
     low, high = np.log(0.05), np.log(8.0)
-    for _ in range(25):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         field = _scaled(samples, float(np.exp(middle)), elements_across, wall_layers)
-        if _predicted_tets(field, samples, inside, box) > target:
+        if sum(predicted_tets(field, samples)) > target:
             low = middle
         else:
             high = middle
@@ -202,20 +199,18 @@ def _scaled(
     return grown_field(samples.points, size)
 
 
-def _volume_samples(anatomy: Anatomy) -> Float[np.ndarray, "points 3"]:
-    """Evenly spread points of the box, those outside the lumen moved to infinity."""
-    share = qmc.Sobol(3, scramble=False).random_base2(int(np.log2(_VOLUME_SAMPLES)))
-    points = anatomy.bounds[0] + share * np.diff(anatomy.bounds, axis=0)
-    return points[(anatomy.lumen(points) < 0.0) & ~beyond_openings(anatomy, points)]
-
-
-def _predicted_tets(
-    field: SizeField,
-    samples: SurfaceSamples,
-    inside: Float[np.ndarray, "points 3"],
-    box: float,
-) -> float:
-    fluid = box * np.sum(size_at(field, inside) ** -3.0) / _VOLUME_SAMPLES
+def predicted_tets(field: SizeField, samples: SurfaceSamples) -> tuple[float, float]:
+    """About how many tetrahedra blood and wall will have."""
+    nodes, weights = np.polynomial.legendre.leggauss(_DEPTHS)
+    share = 0.5 * (nodes + 1.0)
     size = size_at(field, samples.points)
-    wall = np.sum(samples.area * np.maximum(1.0, samples.depth / size) / size**2)
-    return float(_TETS_PER_FLUID * fluid + _TETS_PER_WALL * wall)
+    s = samples.radius[:, None] * share
+    below = np.minimum(size[:, None] + field.growth * s, field.largest)
+    column = samples.radius * ((1.0 - share) * below**-3.0 @ (0.5 * weights))
+    outside = np.minimum(size + field.growth * samples.depth, field.largest)
+    layers = np.maximum(1.0, 0.5 * samples.depth / size)
+    wall = 0.5 * samples.area * layers * (size**-2.0 + outside**-2.0)
+    return (
+        float(_TETS_PER_FLUID * np.sum(samples.area * column)),
+        float(_TETS_PER_WALL * np.sum(wall)),
+    )

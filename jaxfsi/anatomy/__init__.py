@@ -1,6 +1,6 @@
 """Anatomies: the lumen and the wall of the vessels as implicit functions with named openings."""
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening, PointFunction
 from jaxfsi.anatomy.cohort import (
     PUBLISHED,
     Measures,

@@ -1,6 +1,15 @@
 """Anatomies: the lumen and the wall of the vessels as implicit functions with named openings."""
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening, PointFunction
+from jaxfsi.anatomy.cohort import (
+    PUBLISHED,
+    Measures,
+    Published,
+    anatomy_from_measures,
+    resistance_index,
+    sample_anatomies,
+    sample_measures,
+)
 from jaxfsi.anatomy.curves import (
     Curve,
     CurveCoordinates,
@@ -28,9 +37,17 @@ from jaxfsi.anatomy.parameters import (
     SyntheticAnatomy,
     adult_anatomy,
     check_parameters,
+    coronary_diameter,
     paediatric_anatomy,
     parameter_faults,
     scaled_anatomy,
+)
+from jaxfsi.anatomy.sections import (
+    Section,
+    anatomy_sections,
+    centerline_point,
+    lumen_section,
+    surface_section,
 )
 from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
 from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function

@@ -14,7 +14,14 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from jaxfsi.anatomy import Opening
-from jaxfsi.faces import find_rows, region_faces, same_sense, triangle_edges, unique_rows
+from jaxfsi.faces import (
+    RegionFaces,
+    find_rows,
+    region_faces,
+    same_sense,
+    triangle_edges,
+    unique_rows,
+)
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh
 from jaxfsi.mesh_checks import place
 
@@ -166,8 +173,16 @@ def outward(
     Raises:
         ValueError: a triangle is no face of the boundary or the interface.
     """
-    bounds = region_faces(tets, region)
-    wanted = np.concatenate([bounds.interface, bounds.fluid, bounds.solid])
+    return _turned_like(faces, _all_bounds(region_faces(tets, region)))
+
+
+def _all_bounds(bounds: RegionFaces) -> Int[np.ndarray, "faces 3"]:
+    return np.concatenate([bounds.interface, bounds.fluid, bounds.solid])
+
+
+def _turned_like(
+    faces: Int[np.ndarray, "faces 3"], wanted: Int[np.ndarray, "wanted 3"]
+) -> Int[np.ndarray, "faces 3"]:
     entry = find_rows(faces, wanted)
     if np.any(entry < 0):
         raise ValueError(
@@ -276,8 +291,9 @@ def complete_labels(
         ValueError: a named triangle is no boundary or interface face, or boundary faces of the
             fluid have no name.
     """
-    groups = {name: outward(faces, tets, region) for name, faces in named.items() if len(faces)}
     bounds = region_faces(tets, region)
+    wanted = _all_bounds(bounds)
+    groups = {name: _turned_like(faces, wanted) for name, faces in named.items() if len(faces)}
     known = np.concatenate([np.zeros((0, 3), dtype=np.int64), *groups.values()])
     interface, fluid, solid = (
         faces[find_rows(faces, known) < 0]

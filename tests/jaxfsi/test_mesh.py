@@ -47,18 +47,22 @@ def test_rows_are_found_in_any_order():
     assert find_rows(table, table[:0]).tolist() == [-1, -1]
 
 
-def test_faces_point_out_of_their_region(small_tube):
-    bounds = region_faces(small_tube.tets, small_tube.region)
-    for faces, outward in ((bounds.interface, 1.0), (bounds.solid, None)):
+@pytest.mark.parametrize("order", [1, -1])
+def test_faces_point_out_of_their_region(small_tube, order):
+    tets, region = small_tube.tets[::order], small_tube.region[::order]
+    bounds = region_faces(tets, region)
+    for faces, owner, kind in (
+        (bounds.interface, bounds.interface_tets, Region.FLUID),
+        (bounds.fluid, bounds.fluid_tets, Region.FLUID),
+        (bounds.solid, bounds.solid_tets, Region.SOLID),
+    ):
+        assert np.all(region[owner] == kind)
         corners = small_tube.points[faces]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        middle = corners.mean(axis=1)
-        if outward is not None:
-            assert np.all(np.sum(normal[:, :2] * middle[:, :2], axis=1) > 0.0)
-        # Each face has the centre of its tetrahedron behind it.
-        owner = bounds.interface_tets if outward is not None else bounds.solid_tets
-        inside = small_tube.points[small_tube.tets[owner]].mean(axis=1)
-        assert np.all(np.sum(normal * (middle - inside), axis=1) > 0.0)
+        # Each face has the centre of its own tetrahedron behind it.
+        inside = small_tube.points[tets[owner]].mean(axis=1)
+        assert np.all(np.sum(normal * (corners.mean(axis=1) - inside), axis=1) > 0.0)
+    assert len(bounds.interface) == len(small_tube.labelled("interface"))
 
 
 def test_renumbering_keeps_the_mesh_and_narrows_its_band(small_tube):

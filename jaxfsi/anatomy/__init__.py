@@ -1,6 +1,7 @@
 """Anatomies: the lumen and the wall of the vessels as implicit functions with named openings."""
 
 from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.ct_course import AortaFit, fit_aorta, read_centerline
 from jaxfsi.anatomy.curves import (
     Curve,
     CurveCoordinates,
@@ -23,6 +24,8 @@ from jaxfsi.anatomy.implicit import (
     tube,
     tube_foot,
 )
+from jaxfsi.anatomy.ivus import IvusOptions, ivus_anatomy
+from jaxfsi.anatomy.loft import eccentric_sections, lofted
 from jaxfsi.anatomy.parameters import (
     ParameterFault,
     SyntheticAnatomy,
@@ -32,6 +35,7 @@ from jaxfsi.anatomy.parameters import (
     parameter_faults,
     scaled_anatomy,
 )
+from jaxfsi.anatomy.pullback import Pullback, read_pullback
 from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
 from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
 from jaxfsi.anatomy.wall import (

@@ -37,7 +37,7 @@ _DEPARTURE_BEND = 0.3
 _ARC_LENGTH_STEPS = 4
 _TILT_WEIGHT = 0.5
 _STARTS = 12
-_MISFIT = 0.25
+_MISFIT = 0.1
 _SPACING_RANGE_MM = (0.05, 5.0)
 _LENGTH_RANGE_MM = (20.0, 400.0)
 
@@ -168,7 +168,7 @@ def fit_aorta(
             coronaries descend from the aortic root to the apex.
 
     Raises:
-        ValueError: the proximal part lies farther than a quarter of a radius from the tube.
+        ValueError: the proximal part lies farther than a tenth of the radius from the tube.
     """
     from_first = ostium_end == "first"
     if ostium_end == "auto":

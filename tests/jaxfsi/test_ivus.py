@@ -190,7 +190,7 @@ def test_ostium_end_can_be_said_and_a_foreign_aorta_is_refused():
     assert fit_aorta(line, 1.4, offset=0.16).from_first
     assert fit_aorta(line[::-1], 1.4, offset=0.16).from_first is False
     turn = np.linspace(0.0, 12.0, 200)
-    coil = np.stack([0.5 * np.cos(turn), 0.5 * np.sin(turn), -0.02 * turn], axis=1)
+    coil = np.stack([0.3 * np.cos(turn), 0.3 * np.sin(turn), -0.02 * turn], axis=1)
     with pytest.raises(ValueError, match=r"does not run beside an aorta.*Check"):
         fit_aorta(coil, 1.4, offset=0.16)
     with pytest.raises(ValueError, match=r"aortic radius of 14 cm.*cm"):

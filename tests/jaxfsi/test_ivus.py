@@ -189,10 +189,10 @@ def test_ostium_end_can_be_said_and_a_foreign_aorta_is_refused():
     line = read_centerline(BUNDLED / "centerline.csv")
     assert fit_aorta(line, 1.4, offset=0.16).from_first
     assert fit_aorta(line[::-1], 1.4, offset=0.16).from_first is False
-    turn = np.linspace(0.0, 12.0, 200)
-    coil = np.stack([0.3 * np.cos(turn), 0.3 * np.sin(turn), -0.02 * turn], axis=1)
+    turn = np.linspace(0.0, 20.0, 300)
+    coil = np.stack([0.5 * np.cos(turn), 0.5 * np.sin(turn), -0.3 * turn], axis=1)
     with pytest.raises(ValueError, match=r"does not run beside an aorta.*Check"):
-        fit_aorta(coil, 1.4, offset=0.16)
+        fit_aorta(coil, 1.4, offset=0.16, length=6.0)
     with pytest.raises(ValueError, match=r"aortic radius of 14 cm.*cm"):
         bundled(aorta_radius=14.0)
 

@@ -2,8 +2,8 @@
 
 Fluid and solid are two regions of one mesh, so the interface conforms by construction. Which
 faces make up the interface and the boundary follows from the tetrahedra and their regions alone
-(`region_faces`); only the names of the openings come from outside. Faces point out of their
-region, those of the interface from the fluid into the solid.
+(`jaxfsi.faces.region_faces`); only the names of the openings come from outside. Faces point out
+of their region, those of the interface from the fluid into the solid.
 """
 
 import dataclasses
@@ -43,6 +43,10 @@ class Mesh:
         faces: nodes of each labelled triangle.
         face_label: index into ``label_names`` of each labelled triangle.
         label_names: names of the labels.
+        node_ids: id of each node in the numbering or the file that it came from; None: its index
+            plus one.
+        meta: numbers worth keeping with the mesh (parameters, state, source); plain values that
+            JSON can hold.
     """
 
     points: Float[np.ndarray, "nodes 3"]
@@ -51,10 +55,32 @@ class Mesh:
     faces: Int[np.ndarray, "faces 3"]
     face_label: Int[np.ndarray, " faces"]
     label_names: tuple[str, ...]
+    node_ids: Int[np.ndarray, " nodes"] | None = None
+    meta: dict[str, object] = dataclasses.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Refuse arrays that do not belong together.
+
+        Raises:
+            ValueError: indices out of range, unequal lengths, unknown regions, labels without a
+                name, points that are not finite.
+        """
+        faults = _faults(self)
+        if faults:
+            raise ValueError(
+                f"this is not a mesh: {'; '.join(faults)}. Check how its arrays were put together."
+            )
+
+    @property
+    def ids(self) -> Int[np.ndarray, " nodes"]:
+        """Id of each node, counted from one where the mesh does not carry its own."""
+        return np.arange(1, len(self.points) + 1) if self.node_ids is None else self.node_ids
 
     @property
     def openings(self) -> tuple[str, ...]:
-        """Names of the openings that blood passes."""
+        """Names of the openings that blood passes; none where there is no blood."""
+        if not np.any(self.region == Region.FLUID):
+            return ()
         walls = (INTERFACE, OUTER_WALL)
         return tuple(
             name
@@ -78,6 +104,44 @@ class Mesh:
     def tets_of(self, region: Region) -> Int[np.ndarray, "tets 4"]:
         """Tetrahedra of one region."""
         return self.tets[self.region == region]
+
+
+def _out_of_range(name: str, index: np.ndarray, size: int, of: str) -> list[str]:
+    if index.size == 0 or (index.min() >= 0 and index.max() < size):
+        return []
+    return [f"{name} run from {index.min()} to {index.max()}, but there are {size} {of}"]
+
+
+def _faults(mesh: Mesh) -> list[str]:
+    """What is wrong with the arrays of a mesh, each in one clause; cheap enough for every mesh."""
+    faults = []
+    n_nodes = len(mesh.points)
+    if len(mesh.tets) == 0:
+        faults.append("it has no tetrahedra")
+    if not np.all(np.isfinite(mesh.points)):
+        bad = int(np.sum(~np.all(np.isfinite(mesh.points), axis=1)))
+        faults.append(f"{bad} of {n_nodes} points are not finite")
+    faults += _out_of_range("nodes of tetrahedra", mesh.tets, n_nodes, "points")
+    faults += _out_of_range("nodes of faces", mesh.faces, n_nodes, "points")
+    faults += _out_of_range(
+        "labels of faces", mesh.face_label, len(mesh.label_names), "label names"
+    )
+    for what, array, size in (
+        ("regions for the tetrahedra", mesh.region, len(mesh.tets)),
+        ("labels for the faces", mesh.face_label, len(mesh.faces)),
+    ):
+        if len(array) != size:
+            faults.append(f"{len(array)} {what}, of which there are {size}")
+    unknown = np.setdiff1d(mesh.region, [int(region) for region in Region])
+    if unknown.size:
+        faults.append(f"regions {unknown.tolist()} are neither 0 (fluid) nor 1 (solid)")
+    if len(set(mesh.label_names)) != len(mesh.label_names):
+        faults.append(f"label names appear twice: {', '.join(mesh.label_names)}")
+    if mesh.node_ids is not None and (
+        len(mesh.node_ids) != n_nodes or len(np.unique(mesh.node_ids)) != n_nodes
+    ):
+        faults.append(f"{len(np.unique(mesh.node_ids))} different node ids for {n_nodes} points")
+    return faults
 
 
 def tet_faces(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets 4 3"]:

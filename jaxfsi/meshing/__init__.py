@@ -1,1 +1,10 @@
 """From an anatomy to a labelled, conforming mesh of blood and wall."""
+
+from jaxfsi.meshing.labels import find_openings, label_faces, labelled_mesh, outward
+from jaxfsi.meshing.quality import Quality, Spread, ThroughEdges, mesh_quality, through_edges
+from jaxfsi.meshing.strip import strip
+from jaxfsi.meshing.surface_topology import SurfaceTopology, enclosed_volume, surface_topology
+from jaxfsi.meshing.tet_quality import TetQuality, tet_quality
+from jaxfsi.meshing.thickness import Exit, WallThickness, wall_thickness
+from jaxfsi.meshing.topology import Fault, TopologyReport, check_topology
+from jaxfsi.meshing.tube import bent, elliptic, mapped, ring, tube

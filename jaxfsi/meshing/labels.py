@@ -1,0 +1,237 @@
+"""Labels of a mesh: interface, blood faces, cut wall and outer wall from regions and cap planes.
+
+The interface is every face whose two tetrahedra differ in region, the blood faces and the cut
+walls are the boundary faces in the cap planes, and the rest of the solid's boundary is the outer
+wall. Nothing is carried over from the surfaces that the mesh was made from, so the labels fit the
+tetrahedra by construction.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from jaxfsi.anatomy import Opening
+from jaxfsi.faces import find_rows, region_faces, same_sense, triangle_edges, unique_rows
+from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh
+from jaxfsi.mesh_checks import place
+
+_PLANE_TOLERANCE = 1e-3  # distance of a cap node from its plane, in edges of its face
+
+
+def label_faces(
+    points: Float[np.ndarray, "nodes 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    region: Int[np.ndarray, " tets"],
+    openings: Sequence[Opening],
+) -> Mesh:
+    """A labelled mesh from tetrahedra, their regions and the planes that cut the vessels.
+
+    A boundary face lies in an opening if its nodes lie within a thousandth of its longest edge of
+    the plane, inside the opening's ball, and if it looks the way the opening does.
+
+    Args:
+        points: node positions [cm].
+        tets: nodes of each tetrahedron, positively oriented.
+        region: `Region` of each tetrahedron.
+        openings: the planes through which blood enters and leaves.
+
+    Returns:
+        The mesh. Its labels are the openings in the order given, ``interface``, ``outer_wall``
+        and the rings; in a mesh without a solid the fluid's wall is the ``interface``.
+
+    Raises:
+        ValueError: two openings share a name, an opening has no blood face or no cut wall round
+            it, or part of the fluid's boundary lies neither in an opening nor on the solid.
+    """
+    names = [opening.name for opening in openings]
+    _check_names(names)
+    bounds = region_faces(tets, region)
+    has_solid = len(bounds.solid) > 0
+    cap = _cap_of(points, bounds.fluid, openings)
+    ring = _cap_of(points, bounds.solid, openings)
+    for i, name in enumerate(names):
+        if not np.any(cap == i):
+            raise ValueError(
+                f"no blood face lies in the plane of the opening {name!r} near"
+                f" {place(openings[i].centre)}. Check its centre, normal and radius, and that the"
+                " mesh was cut there."
+            )
+        if has_solid and not np.any(ring == i):
+            raise ValueError(
+                f"the opening {name!r} near {place(openings[i].centre)} has no cut wall round it."
+                " Enlarge its radius to hold the wall, or check that the wall reaches the plane."
+            )
+    open_faces = bounds.fluid[cap < 0]
+    if has_solid and len(open_faces):
+        at = points[open_faces[0]].mean(axis=0)
+        raise ValueError(
+            f"{len(open_faces)} boundary faces of the fluid lie neither in an opening nor on the"
+            f" wall, the first at {place(at)}. Name the opening that is missing, or mesh the wall"
+            " without holes."
+        )
+    groups = [(name, bounds.fluid[cap == i]) for i, name in enumerate(names)]
+    groups.append((INTERFACE, bounds.interface if has_solid else open_faces))
+    groups.append((OUTER_WALL, bounds.solid[ring < 0]))
+    groups += [(name + RING_SUFFIX, bounds.solid[ring == i]) for i, name in enumerate(names)]
+    return labelled_mesh(points, tets, region, dict(groups))
+
+
+def _check_names(names: list[str]) -> None:
+    reserved = [
+        name for name in names if name in (INTERFACE, OUTER_WALL) or name.endswith(RING_SUFFIX)
+    ]
+    if reserved or len(set(names)) != len(names):
+        raise ValueError(
+            f"the openings are named {', '.join(names)}. Give each its own name, none of them"
+            f" {INTERFACE!r}, {OUTER_WALL!r} or ending in {RING_SUFFIX!r}."
+        )
+
+
+def _cap_of(
+    points: Float[np.ndarray, "nodes 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    openings: Sequence[Opening],
+) -> Int[np.ndarray, " faces"]:
+    """Opening in whose plane each face lies, −1 for none; the nearest centre wins."""
+    corners = points[faces]
+    edges = corners - np.roll(corners, 1, axis=1)
+    longest = np.sqrt(np.max(np.sum(edges**2, axis=2), axis=1, initial=0.0))
+    normals = np.cross(edges[:, 1], edges[:, 2])
+    best = np.full(len(faces), np.inf)
+    cap = np.full(len(faces), -1, dtype=np.int64)
+    for i, opening in enumerate(openings):
+        offset = corners - opening.centre
+        height = np.max(np.abs(offset @ opening.normal), axis=1, initial=0.0)
+        distance = np.sqrt(np.max(np.sum(offset**2, axis=2), axis=1, initial=0.0))
+        inside: Bool[np.ndarray, " faces"] = (
+            (height <= _PLANE_TOLERANCE * longest)
+            & (distance <= opening.radius)
+            & (normals @ opening.normal > 0.0)
+            & (distance < best)
+        )
+        cap[inside] = i
+        best[inside] = distance[inside]
+    return cap
+
+
+def labelled_mesh(
+    points: Float[np.ndarray, "nodes 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    region: Int[np.ndarray, " tets"],
+    groups: Mapping[str, Int[np.ndarray, "faces 3"]],
+) -> Mesh:
+    """A mesh from one array of faces per label; labels without faces are left out."""
+    kept = {name: faces for name, faces in groups.items() if len(faces)}
+    return Mesh(
+        points=points,
+        tets=tets,
+        region=region,
+        faces=np.concatenate([*kept.values(), np.zeros((0, 3), dtype=np.int64)]),
+        face_label=np.repeat(np.arange(len(kept)), [len(faces) for faces in kept.values()]),
+        label_names=tuple(kept),
+    )
+
+
+def outward(
+    faces: Int[np.ndarray, "faces 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    region: Int[np.ndarray, " tets"],
+) -> Int[np.ndarray, "faces 3"]:
+    """The same triangles, turned where needed to point out of their region.
+
+    Args:
+        faces: triangles on the boundary or the interface, of either sense.
+        tets: nodes of each tetrahedron, positively oriented.
+        region: `Region` of each tetrahedron.
+
+    Raises:
+        ValueError: a triangle is no face of the boundary or the interface.
+    """
+    bounds = region_faces(tets, region)
+    wanted = np.concatenate([bounds.interface, bounds.fluid, bounds.solid])
+    entry = find_rows(faces, wanted)
+    if np.any(entry < 0):
+        raise ValueError(
+            f"{np.sum(entry < 0)} of {len(faces)} named triangles are no faces of the boundary or"
+            f" the interface, the first with the nodes {faces[np.argmax(entry < 0)].tolist()}"
+            " (counted from 0). Name only faces of the same mesh."
+        )
+    turned = ~same_sense(faces, wanted[entry])
+    return np.where(turned[:, None], faces[:, [0, 2, 1]], faces)
+
+
+def face_components(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, " faces"]:
+    """Number of the connected patch that each triangle belongs to; patches meet at edges."""
+    edges = np.sort(triangle_edges(faces).reshape(-1, 2), axis=1)
+    distinct, which = unique_rows(edges)
+    owner = np.repeat(np.arange(len(faces)), 3)
+    size = len(faces) + len(distinct)
+    ones = np.ones(len(owner), dtype=np.int8)
+    graph = csr_array((ones, (owner, len(faces) + which)), shape=(size, size))
+    return connected_components(graph, directed=False)[1][: len(faces)].astype(np.int64)
+
+
+def find_openings(
+    points: Float[np.ndarray, "nodes 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    region: Int[np.ndarray, " tets"],
+) -> tuple[Opening, ...]:
+    """Openings of a mesh of fluid and solid: the flat patches of the fluid's boundary.
+
+    Where a wall surrounds the blood, the fluid's boundary off the interface is its openings and
+    nothing else. The radius of each reaches beyond the cut wall in its plane.
+
+    Args:
+        points: node positions [cm].
+        tets: nodes of each tetrahedron, positively oriented.
+        region: `Region` of each tetrahedron.
+
+    Returns:
+        One opening per patch, named ``opening_1``, ``opening_2``, ... by falling area.
+
+    Raises:
+        ValueError: the mesh has no solid, or no opening, or a patch is not flat.
+    """
+    bounds = region_faces(tets, region)
+    if len(bounds.solid) == 0 or len(bounds.fluid) == 0:
+        raise ValueError(
+            "openings can be found only in a mesh of blood inside a wall that leaves them open."
+            " Give the openings instead."
+        )
+    patch = face_components(bounds.fluid)
+    found = [
+        _patch_opening(points, bounds.fluid[patch == i], bounds.solid)
+        for i in range(int(patch.max()) + 1)
+    ]
+    found.sort(key=lambda pair: -pair[0])
+    return tuple(
+        opening._replace(name=f"opening_{i}") for i, (_, opening) in enumerate(found, start=1)
+    )
+
+
+def _patch_opening(
+    points: Float[np.ndarray, "nodes 3"],
+    patch: Int[np.ndarray, "faces 3"],
+    solid: Int[np.ndarray, "solid 3"],
+) -> tuple[float, Opening]:
+    """Area of a patch and the opening that it is."""
+    a, b, c = (points[patch[:, i]] for i in range(3))
+    vectors = np.cross(b - a, c - a) / 2.0
+    areas = np.linalg.norm(vectors, axis=1)
+    total = float(np.linalg.norm(vectors.sum(axis=0)))
+    centre = np.sum(areas[:, None] * (a + b + c), axis=0) / (3.0 * areas.sum())
+    if total < (1.0 - 1e-6) * areas.sum():
+        raise ValueError(
+            f"the boundary of the fluid near {place(centre)} is not flat, so it is no opening."
+            " Close the wall there, or cut the mesh by a plane."
+        )
+    normal = vectors.sum(axis=0) / total
+    rim = float(np.max(np.linalg.norm(points[patch].reshape(-1, 3) - centre, axis=1)))
+    reach = np.linalg.norm(points[solid] - centre, axis=2).max(axis=1)
+    height = np.abs((points[solid] - centre) @ normal).max(axis=1)
+    in_plane = (height <= _PLANE_TOLERANCE * rim) & (reach <= 3.0 * rim)
+    radius = max(rim, float(np.max(reach[in_plane], initial=0.0)))
+    return total, Opening("", centre, normal, 1.001 * radius)

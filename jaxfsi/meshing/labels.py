@@ -235,3 +235,70 @@ def _patch_opening(
     in_plane = (height <= _PLANE_TOLERANCE * rim) & (reach <= 3.0 * rim)
     radius = max(rim, float(np.max(reach[in_plane], initial=0.0)))
     return total, Opening("", centre, normal, 1.001 * radius)
+
+
+def complete_labels(
+    points: Float[np.ndarray, "nodes 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    region: Int[np.ndarray, " tets"],
+    named: Mapping[str, Int[np.ndarray, "faces 3"]],
+) -> Mesh:
+    """A labelled mesh from named faces of which the walls may be missing or turned.
+
+    All faces are turned to point out of their region. Interface faces without a name become
+    ``interface``; so do, where there is no solid, boundary faces of the fluid if nothing is named
+    ``interface``. Faces of the solid without a name become the ring of an opening that they
+    touch in its plane, or ``outer_wall``.
+
+    Args:
+        points: node positions [cm].
+        tets: nodes of each tetrahedron, positively oriented.
+        region: `Region` of each tetrahedron.
+        named: triangles by label, of either sense.
+
+    Raises:
+        ValueError: a named triangle is no boundary or interface face, or boundary faces of the
+            fluid have no name.
+    """
+    groups = {name: outward(faces, tets, region) for name, faces in named.items() if len(faces)}
+    bounds = region_faces(tets, region)
+    known = np.concatenate([np.zeros((0, 3), dtype=np.int64), *groups.values()])
+    interface, fluid, solid = (
+        faces[find_rows(faces, known) < 0]
+        for faces in (bounds.interface, bounds.fluid, bounds.solid)
+    )
+    if len(fluid) and len(bounds.interface) == 0 and INTERFACE not in groups:
+        interface, fluid = fluid, fluid[:0]
+    if len(fluid):
+        raise ValueError(
+            f"{len(fluid)} boundary faces of the fluid have no name, the first at"
+            f" {place(points[fluid[0]].mean(axis=0))}. Name every opening in the file."
+        )
+    openings = [
+        name
+        for name in groups
+        if name not in (INTERFACE, OUTER_WALL) and not name.endswith(RING_SUFFIX)
+    ]
+    ring = _ring_of(points, solid, [groups[name] for name in openings])
+    extra = {INTERFACE: interface, OUTER_WALL: solid[ring < 0]}
+    extra |= {name + RING_SUFFIX: solid[ring == i] for i, name in enumerate(openings)}
+    for name, faces in extra.items():
+        if len(faces):
+            groups[name] = np.concatenate([groups.get(name, faces[:0]), faces])
+    return labelled_mesh(points, tets, region, groups)
+
+
+def _ring_of(
+    points: Float[np.ndarray, "nodes 3"],
+    solid: Int[np.ndarray, "solid 3"],
+    openings: list[Int[np.ndarray, "faces 3"]],
+) -> Int[np.ndarray, " solid"]:
+    """Opening whose cut wall each face of the solid is, −1 for none."""
+    planes = []
+    for faces in openings:
+        a, b, c = (points[faces[:, i]] for i in range(3))
+        vector = np.cross(b - a, c - a).sum(axis=0)
+        centre = points[faces].mean(axis=(0, 1))
+        rim = float(np.max(np.linalg.norm(points[faces] - centre, axis=2)))
+        planes.append(Opening("", centre, vector / np.linalg.norm(vector), 3.0 * rim))
+    return _cap_of(points, solid, planes)

@@ -1,0 +1,87 @@
+"""How bad files are refused and good ones written: one clear error, never half a file."""
+
+import contextlib
+import os
+import pathlib
+import shutil
+import struct
+import tempfile
+import warnings
+import xml.etree.ElementTree as ET
+import zlib
+from collections.abc import Iterator
+
+import meshio
+
+
+class MeshFileError(ValueError):
+    """A mesh file that cannot be read or written; says what happened and what to try."""
+
+
+# What parsers raise on truncated or foreign bytes.
+_PARSER_ERRORS = (
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    DeprecationWarning,
+    EOFError,
+    LookupError,
+    OSError,
+    ET.ParseError,
+    TypeError,
+    ValueError,
+    meshio.ReadError,
+    struct.error,
+    zlib.error,
+)
+
+
+@contextlib.contextmanager
+def reading(path: pathlib.Path, kind: str) -> Iterator[None]:
+    """Turn whatever a parser raises on a bad file into one error that names the file.
+
+    Args:
+        path: file that is read.
+        kind: what it should be, for the message.
+
+    Raises:
+        MeshFileError: no such file, an empty one, or one that cannot be parsed.
+    """
+    if not path.is_file():
+        raise MeshFileError(f"there is no file {path}. Check the name and the folder.")
+    if path.stat().st_size == 0:
+        raise MeshFileError(f"{path} is empty. Write the {kind} again.")
+    try:
+        with warnings.catch_warnings():
+            # numpy reports numbers that it cannot parse as a deprecation.
+            warnings.simplefilter("error", DeprecationWarning)
+            yield
+    except MeshFileError:
+        raise
+    except _PARSER_ERRORS as error:
+        reason = str(error).strip() or "its structure is broken"
+        raise MeshFileError(
+            f"{path} cannot be read as {kind}: {reason}. It may be truncated or of another format;"
+            " write it again."
+        ) from error
+
+
+@contextlib.contextmanager
+def staged(target: pathlib.Path) -> Iterator[pathlib.Path]:
+    """A folder to write files in; they move beside the target when all of them are complete.
+
+    Args:
+        target: the main file; it is moved last, so that what it refers to is there before it.
+
+    Raises:
+        MeshFileError: the folder of the target does not exist.
+    """
+    if not target.parent.is_dir():
+        raise MeshFileError(f"there is no folder {target.parent}. Make it first.")
+    folder = pathlib.Path(tempfile.mkdtemp(prefix=".writing-", dir=target.parent))
+    try:
+        yield folder
+        for path in sorted(folder.iterdir(), key=lambda path: path.name == target.name):
+            os.replace(path, target.parent / path.name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

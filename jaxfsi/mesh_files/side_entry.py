@@ -1,0 +1,113 @@
+"""What mesh formats cannot hold: unit, label names and meta, as JSON.
+
+For ``NAME.vtu`` and ``NAME.xdmf`` it lies in ``NAME.json`` beside them, under the name of the file.
+"""
+
+import json
+import pathlib
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxfsi.mesh import Mesh
+from jaxfsi.mesh_files.refusal import MeshFileError, reading
+
+_FORMAT = "jaxfsi mesh"
+
+
+class SideEntry(NamedTuple):
+    """Unit, label names and meta of a mesh in a file.
+
+    Attributes:
+        unit: length unit of the file.
+        label_names: names that the labels in the file count through.
+        meta: meta of the mesh.
+    """
+
+    unit: str
+    label_names: tuple[str, ...]
+    meta: dict[str, object]
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{value!r} is no plain value")
+
+
+def entry_text(mesh: Mesh, unit: str) -> str:
+    """Side entry of a mesh as one line of JSON.
+
+    Raises:
+        MeshFileError: the meta of the mesh holds what JSON cannot.
+    """
+    entry = {"unit": unit, "label_names": list(mesh.label_names), "meta": mesh.meta}
+    try:
+        return json.dumps(entry, default=_plain, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise MeshFileError(
+            f"the meta of the mesh cannot be written: {error}. Keep to text, numbers, lists and"
+            " dictionaries of them."
+        ) from error
+
+
+def parsed_entry(entry: object) -> SideEntry:
+    """Side entry from parsed JSON; raises LookupError or TypeError on anything else."""
+    if not isinstance(entry, dict):
+        raise TypeError("its side entry is no table")
+    names, meta = entry["label_names"], entry["meta"]
+    if not isinstance(names, list) or not isinstance(meta, dict):
+        raise TypeError("its side entry is malformed")
+    return SideEntry(str(entry["unit"]), tuple(str(name) for name in names), meta)
+
+
+def side_path(path: pathlib.Path) -> pathlib.Path:
+    """Where the side entry of a mesh file lies."""
+    return path.with_suffix(".json")
+
+
+def _table_beside(path: pathlib.Path) -> dict[str, object] | None:
+    """The JSON beside a mesh file: ours, or None if there is none or another's."""
+    beside = side_path(path)
+    if not beside.is_file():
+        return None
+    with reading(beside, "JSON beside a mesh"):
+        table = json.loads(beside.read_text(encoding="utf-8"))
+    return table if isinstance(table, dict) and table.get("format") == _FORMAT else None
+
+
+def read_side_entry(path: pathlib.Path) -> SideEntry | None:
+    """Side entry of a mesh file; None where the file has none.
+
+    Raises:
+        MeshFileError: the entry is malformed.
+    """
+    table = _table_beside(path)
+    if table is None or path.name not in table:
+        return None
+    with reading(side_path(path), "JSON beside a mesh"):
+        return parsed_entry(table[path.name])
+
+
+def write_side_entry(path: pathlib.Path, folder: pathlib.Path, mesh: Mesh, unit: str) -> None:
+    """Write the side entry of a mesh file into a staging folder; entries of its siblings stay.
+
+    Args:
+        path: the mesh file at its final place.
+        folder: where to write for now.
+        mesh: mesh in the file.
+        unit: length unit of the file.
+
+    Raises:
+        MeshFileError: another program's file lies where the entry has to go.
+    """
+    beside = side_path(path)
+    table = _table_beside(path)
+    if table is None and beside.exists():
+        raise MeshFileError(
+            f"{beside} is in the way: it was not written with a mesh. Choose another name for"
+            f" {path.name}, or move that file."
+        )
+    table = dict(table or {"format": _FORMAT})
+    table[path.name] = json.loads(entry_text(mesh, unit))
+    (folder / beside.name).write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,67 @@
+"""Meshes in VTK's unstructured-grid XML files (vtu), with names beside them in JSON."""
+
+import pathlib
+from collections.abc import Sequence
+
+import meshio
+
+from jaxfsi.anatomy import Opening
+from jaxfsi.mesh import Mesh
+from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
+from jaxfsi.mesh_files.lengths import Unit, check_unit
+from jaxfsi.mesh_files.refusal import reading, staged
+from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
+
+
+def read_vtu(
+    path: str | pathlib.Path,
+    *,
+    unit: Unit,
+    openings: Sequence[Opening] | None = None,
+    any_size: bool = False,
+) -> Mesh:
+    """Read a mesh from a vtu file.
+
+    A file from `write_vtu` comes back as it was. In any other file ``region`` on the cells tells
+    fluid (0) from solid (1); without it all is fluid. Its labels are made anew.
+
+    Args:
+        path: file; ``NAME.json`` beside it is read too if it belongs to it.
+        unit: length unit of the file.
+        openings: cap planes for a file without labels [cm]; None: found by
+            `jaxfsi.meshing.find_openings` where a wall surrounds the blood.
+        any_size: read meshes too that are too large or too small for a vessel.
+
+    Raises:
+        ValueError: the file is missing, empty, truncated, malformed or in another unit, or its
+            boundary cannot be labelled.
+    """
+    path = pathlib.Path(path)
+    check_unit(unit)
+    with reading(path, "a vtu mesh"):
+        file = meshio.vtu.read(str(path))
+    entry = read_side_entry(path)
+    return arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
+
+
+def write_vtu(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:
+    """Write a mesh as ``NAME.vtu`` with its names, meta and unit in ``NAME.json`` beside it.
+
+    In cm every number is kept to the last bit; in mm coordinates are rounded once.
+
+    Args:
+        path: file to write; an old one is replaced when the new one is complete.
+        mesh: mesh to write.
+        unit: length unit of the file.
+        any_size: write meshes too that are too large or too small for a vessel.
+
+    Raises:
+        ValueError: the mesh cannot be a vessel in cm, its meta are not plain values, or
+            ``NAME.json`` belongs to something else.
+    """
+    path = pathlib.Path(path)
+    check_unit(unit)
+    arrays = mesh_to_arrays(mesh, points_in(mesh, unit, path, any_size))
+    with staged(path) as folder:
+        write_side_entry(path, folder, mesh, unit)
+        meshio.vtu.write(str(folder / path.name), arrays)

@@ -1,0 +1,49 @@
+"""Meshes in XDMF files with their arrays in HDF5, names beside them in JSON."""
+
+import importlib.util
+import pathlib
+from collections.abc import Sequence
+
+import meshio
+
+from jaxfsi.anatomy import Opening
+from jaxfsi.mesh import Mesh
+from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
+from jaxfsi.mesh_files.lengths import Unit, check_unit
+from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
+from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
+
+
+def _need_h5py() -> None:
+    if importlib.util.find_spec("h5py") is None:
+        raise MeshFileError(
+            "xdmf files need the package h5py, which is not installed. Install it, or use vtu."
+        )
+
+
+def read_xdmf(
+    path: str | pathlib.Path,
+    *,
+    unit: Unit,
+    openings: Sequence[Opening] | None = None,
+    any_size: bool = False,
+) -> Mesh:
+    """Read a mesh from an xdmf file; the arguments and errors are those of `read_vtu`."""
+    path = pathlib.Path(path)
+    check_unit(unit)
+    _need_h5py()
+    with reading(path, "an xdmf mesh"):
+        file = meshio.xdmf.read(str(path))
+    entry = read_side_entry(path)
+    return arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
+
+
+def write_xdmf(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:
+    """Write a mesh as ``NAME.xdmf``, ``NAME.h5`` and ``NAME.json``; as `write_vtu` does."""
+    path = pathlib.Path(path)
+    check_unit(unit)
+    _need_h5py()
+    arrays = mesh_to_arrays(mesh, points_in(mesh, unit, path, any_size))
+    with staged(path) as folder:
+        write_side_entry(path, folder, mesh, unit)
+        meshio.xdmf.write(str(folder / path.name), arrays)

@@ -36,7 +36,9 @@ from jaxfsi.anatomy.parameters import (
     scaled_anatomy,
 )
 from jaxfsi.anatomy.pullback import Pullback, read_pullback
+from jaxfsi.anatomy.surface import Cut, SurfaceOptions, surface_anatomy
 from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
+from jaxfsi.anatomy.triangles import Triangles, read_triangles
 from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
 from jaxfsi.anatomy.wall import (
     offset_by_class,

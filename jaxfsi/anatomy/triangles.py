@@ -45,12 +45,12 @@ class Edges(NamedTuple):
     Attributes:
         ends: points of each edge, the lower number first.
         of_face: the edge from corner i to corner i + 1 of each triangle.
-        count: number of triangles at each edge.
+        shared_by: number of triangles at each edge.
     """
 
     ends: Int[np.ndarray, "edges 2"]
     of_face: Int[np.ndarray, "faces 3"]
-    count: Int[np.ndarray, " edges"]
+    shared_by: Int[np.ndarray, " edges"]
 
 
 def read_triangles(path: str | os.PathLike[str]) -> Triangles:
@@ -87,7 +87,7 @@ def _loaded(path: pathlib.Path, suffix: str) -> Triangles:
     if suffix == ".stl":
         _check_stl(path, hint)
     try:
-        mesh = trimesh.load(path, process=False, force="mesh")
+        mesh = trimesh.load_mesh(path, process=False)
         points = np.asarray(mesh.vertices, dtype=float).reshape(-1, 3)
         faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
     except Exception as error:  # the reader has no exception of its own
@@ -123,7 +123,7 @@ def neighbours(edges: Edges) -> tuple[Int[np.ndarray, "pairs 2"], Int[np.ndarray
     """Triangles that share an edge with one other triangle, and the corner where it starts."""
     flat = edges.of_face.ravel()
     order = np.argsort(flat, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(edges.count)[:-1]])[edges.count == 2]
+    starts = np.concatenate([[0], np.cumsum(edges.shared_by)[:-1]])[edges.shared_by == 2]
     slots = np.stack([order[starts], order[starts + 1]], axis=1)
     return slots // 3, slots % 3
 
@@ -181,7 +181,7 @@ def cleaned(surface: Triangles) -> Triangles:
 
 def _merged(surface: Triangles) -> Triangles:
     diagonal = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
-    pairs = scipy.spatial.cKDTree(surface.points).query_pairs(
+    pairs = scipy.spatial.KDTree(surface.points).query_pairs(
         _MERGE * diagonal, output_type="ndarray"
     )
     n = len(surface.points)
@@ -227,7 +227,7 @@ def _place(points: Float[np.ndarray, "n 3"]) -> str:
 
 def _check_manifold(surface: Triangles) -> None:
     edges = edges_of(surface.faces)
-    crowded = edges.count > 2
+    crowded = edges.shared_by > 2
     if np.any(crowded):
         where = surface.points[edges.ends[crowded, 0]]
         raise ValueError(
@@ -259,7 +259,7 @@ def _pinched(surface: Triangles, edges: Edges) -> Bool[np.ndarray, " points"]:
     links = np.concatenate([first, second])
     n = point.size
     graph = scipy.sparse.coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
-    count, fan = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    _, fan = scipy.sparse.csgraph.connected_components(graph, directed=False)
     _, start = np.unique(fan, return_index=True)
     return np.bincount(point[start], minlength=len(surface.points)) > 1
 
@@ -282,6 +282,4 @@ def _consistently_wound(surface: Triangles) -> Triangles:
             " segmentation."
         )
     flip = label[:n] != label[0]
-    return Triangles(
-        surface.points, np.where(flip[:, None], surface.faces[:, ::-1], surface.faces)
-    )
+    return Triangles(surface.points, np.where(flip[:, None], surface.faces[:, ::-1], surface.faces))

@@ -237,10 +237,12 @@ def _check_manifold(surface: Triangles) -> None:
         )
     pinched = _pinched(surface, edges)
     if np.any(pinched):
+        gaps = int(np.sum(edges.shared_by == 1))
+        more = f" {gaps} edges are open: the file may be truncated." if gaps else ""
         raise ValueError(
             f"{np.sum(pinched)} points join sheets that share no edge, first near"
-            f" {_place(surface.points[pinched])} in the unit of the file. Remesh the segmentation,"
-            " or separate the sheets."
+            f" {_place(surface.points[pinched])} in the unit of the file.{more}"
+            " Remesh the segmentation, or separate the sheets."
         )
 
 

@@ -31,7 +31,7 @@ _SHARP_DEG = 40.0
 _SHARP_SHARE = 0.9
 _FLATNESS = 0.05  # root mean square distance from its plane, over its radius
 _ROUNDNESS = 0.25  # 4π area / perimeter², of a slit of ellipticity 5: 0.37
-_LOOP_FLATNESS = 0.2
+_LOOP_FLATNESS = 0.1
 _ACROSS = 0.6  # of the normal of the triangles at a loop along the normal of its plane
 _SMALL_HOLE = 16  # edges round a hole that is closed without asking
 

@@ -20,6 +20,7 @@ from jaxfsi.anatomy.surface_edits import mean_of_neighbours
 from jaxfsi.anatomy.triangles import Triangles, edges_of, vertex_normals
 
 _SWEEPS = 30
+_EPS = 1e-2
 _LEAST_ANGLE_DEG = 35.0  # nearer touching points are noise of the surface, not its other side
 _NEIGHBOURS = 9
 _SMOOTHING = 10
@@ -97,10 +98,11 @@ def _shrunk(
     for _ in range(_SWEEPS):
         p, n, r = points[active], normals[active], radius[active]
         centre = p - r[:, None] * n
-        distance, nearest = tree.query(centre)
+        # eps spares a search among the many points at the distance of an empty ball.
+        distance, nearest = tree.query(centre, eps=_EPS)
         arm = p - points[nearest]
         across = np.einsum("ij,ij->i", arm, n)
-        shrinks = (distance < r * (1.0 - 1e-6)) & (across > 0.0)
+        shrinks = (distance < r * (1.0 - _EPS)) & (across > 0.0)
         smaller = np.einsum("ij,ij->i", arm, arm) / np.where(shrinks, 2.0 * across, 1.0)
         to_p = -n
         to_q = (p - smaller[:, None] * n - points[nearest]) / np.maximum(smaller, 1e-300)[:, None]

@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy.sparse
 import scipy.spatial
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
 from jaxfsi.anatomy.crossings import crossing_faces
@@ -48,7 +48,8 @@ _OVERRUN = 0.5  # of vessels beyond their ends [cm]
 _LONG = 2.0  # of the continuations for radii, over the radius
 _LONGEST = 1.5  # edge over the median one
 _MARGIN = 0.3
-_BALL = 1.15
+_BALL = 1.15  # radius of an opening over that of the vessel with its wall
+_OWN = 1.5  # way over the surface from an end to what belongs to it, over the radius of its ball
 _LINE_STEP = 0.05
 _LINE_SMOOTHING = 0.2
 _AORTIC = 0.6  # radius over that of the aorta below which a path is a branch
@@ -123,7 +124,6 @@ def surface_anatomy(
     whole, _ = open_ends(whole)
     body, ends = without_caps(whole)
     _check_ends(ends, cuts or {}, options, unit)
-    _check_crossings(body)
     smooth = taubin_smoothed(
         with_flat_loops(body, ends),
         options.smoothing_steps,
@@ -131,9 +131,10 @@ def surface_anatomy(
     )
     longest = _LONGEST * float(np.median(edge_lengths(smooth)))
     smooth = refined(smooth, longest)
+    _check_crossings(smooth, longest)
     ends = ends_of(smooth)
-    closed = refined(extended_and_closed(smooth, ends, _OVERRUN), longest)
-    radius = _radius(smooth, ends, closed)
+    closed = refined(extended_and_closed(smooth, ends, _OVERRUN, step=longest), longest)
+    radius = _radius(smooth, ends, closed, longest)
     thickness = _thickness(closed, radius, ends, options)
     walled = walled_surface(closed, radius, thickness)
     named = _named(ends, names, scale)
@@ -182,12 +183,11 @@ def _check_ends(
         )
 
 
-def _check_crossings(surface: Triangles) -> None:
-    longest = _LONGEST * float(np.median(edge_lengths(surface)))
-    fine = refined(surface, longest)
-    pairs = crossing_faces(fine, longest)
+def _check_crossings(surface: Triangles, longest: float) -> None:
+    """Refuse what still crosses after smoothing, which has healed folds of single triangles."""
+    pairs = crossing_faces(surface, longest)
     if len(pairs):
-        place = fine.points[fine.faces[pairs[0, 0]]].mean(axis=0)
+        place = surface.points[surface.faces[pairs[0, 0]]].mean(axis=0)
         where = ", ".join(f"{x:.3g}" for x in place)
         raise ValueError(
             f"the surface intersects itself: {len(pairs)} pairs of triangles cross, first near"
@@ -195,12 +195,20 @@ def _check_crossings(surface: Triangles) -> None:
         )
 
 
+def _beyond(points: Float[np.ndarray, "points 3"], end: FlatEnd) -> Bool[np.ndarray, " points"]:
+    """Points of the continuation of an end."""
+    offset = points - end.centre
+    height = offset @ end.normal
+    across = np.linalg.norm(offset - height[:, None] * end.normal, axis=1)
+    return (height > 0.0) & (across <= 1.01 * _reach(points, end))
+
+
 def _reach(points: Float[np.ndarray, "points 3"], end: FlatEnd) -> float:
     return float(np.max(np.linalg.norm(points[end.loop] - end.centre, axis=1)))
 
 
 def _radius(
-    body: Triangles, ends: list[FlatEnd], closed: Triangles
+    body: Triangles, ends: list[FlatEnd], closed: Triangles, step: float
 ) -> Float[np.ndarray, " points"]:
     """Local radius at the points of the closed surface.
 
@@ -208,7 +216,8 @@ def _radius(
     points of the shorter continuations take the value of the nearest point of the body.
     """
     length = max((_LONG * _reach(body.points, end) for end in ends), default=0.0)
-    radius = medial_radius(extended_and_closed(body, ends, length))[: len(body.points)]
+    long = extended_and_closed(body, ends, length, step=step)
+    radius = medial_radius(long)[: len(body.points)]
     _, near = scipy.spatial.KDTree(body.points).query(closed.points)
     return radius[near]
 
@@ -295,9 +304,10 @@ def _openings(
         ball = _BALL * (_reach(surface.points, end) + float(np.max(thickness[end.loop])))
         away = np.linalg.norm(surface.points - end.centre, axis=1) - thickness
         along = scipy.sparse.csgraph.dijkstra(
-            graph, directed=False, indices=end.loop, min_only=True, limit=4.0 * ball
+            graph, directed=False, indices=end.loop, min_only=True, limit=_OWN * ball
         )
-        if np.any((away < ball) & ~np.isfinite(along)):
+        own = np.isfinite(along) | _beyond(surface.points, end)
+        if np.any((away < ball) & ~own):
             raise ValueError(
                 f"another part of the anatomy lies within {ball:.2g} cm of the end {name!r}, whose"
                 " wall would be cut with it. Cut the vessel farther from its neighbours."

@@ -103,19 +103,21 @@ def with_flat_loops(surface: Triangles, ends: list[FlatEnd]) -> Triangles:
     return Triangles(points, surface.faces)
 
 
-def extended_and_closed(surface: Triangles, ends: list[FlatEnd], length: float) -> Triangles:
+def extended_and_closed(
+    surface: Triangles, ends: list[FlatEnd], length: float, *, step: float = np.inf
+) -> Triangles:
     """Continue a vessel straight beyond its open ends and close it with flat faces there.
 
     Args:
         surface: open, wound outwards; its points keep their numbers.
         ends: all its open ends.
         length: of the continuation [cm].
+        step: longest edge along it [cm].
     """
     points, faces = [surface.points], [surface.faces]
     n = len(surface.points)
     for end in ends:
         ring = surface.points[end.loop]
-        step = float(np.mean(np.linalg.norm(ring - np.roll(ring, -1, axis=0), axis=1)))
         n_layers = max(int(np.ceil(length / step)), 1)
         lower = end.loop
         for layer in range(1, n_layers + 1):

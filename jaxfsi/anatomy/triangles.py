@@ -112,10 +112,11 @@ def _check_stl(path: pathlib.Path, hint: str) -> None:
 
 def edges_of(faces: Int[np.ndarray, "faces 3"]) -> Edges:
     """All edges of a surface."""
-    directed = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    ends, of_face, count = np.unique(
-        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
+    following = np.roll(faces, -1, axis=1)
+    n = int(faces.max()) + 1 if len(faces) else 1
+    key = np.minimum(faces, following) * n + np.maximum(faces, following)
+    edge, of_face, count = np.unique(key.ravel(), return_inverse=True, return_counts=True)
+    ends = np.stack([edge // n, edge % n], axis=1)
     return Edges(ends, of_face.reshape(-1, 3), count)
 
 
@@ -237,10 +238,12 @@ def _check_manifold(surface: Triangles) -> None:
         )
     pinched = _pinched(surface, edges)
     if np.any(pinched):
+        gaps = int(np.sum(edges.shared_by == 1))
+        more = f" {gaps} edges are open: the file may be truncated." if gaps else ""
         raise ValueError(
             f"{np.sum(pinched)} points join sheets that share no edge, first near"
-            f" {_place(surface.points[pinched])} in the unit of the file. Remesh the segmentation,"
-            " or separate the sheets."
+            f" {_place(surface.points[pinched])} in the unit of the file.{more}"
+            " Remesh the segmentation, or separate the sheets."
         )
 
 

@@ -212,6 +212,12 @@ def test_centre_line_in_the_wrong_unit_is_refused(tmp_path):
         read_centerline(path)
 
 
+def test_wall_thicker_than_the_radius_is_refused():
+    options = IvusOptions(thickness_minimum=0.3, thickness_maximum=0.4)
+    with pytest.raises(ValueError, match=r"thicker than the vessel's radius.*Lower"):
+        bundled(options=options)
+
+
 def test_unknown_septum_is_refused():
     with pytest.raises(ValueError, match=r"no tissue thickness.*frame table"):
         bundled(frame_table=None)

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import Delaunay, KDTree
 
-from jaxfsi.anatomy import Opening
 from jaxfsi.meshing.isolate import MeshingError
 from jaxfsi.meshing.sizes import SizeField, size_at
+from jaxfsi.opening import Opening
 
 Plane = Float[np.ndarray, "points 2"]
 

@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from jaxfsi.anatomy import Opening
 from jaxfsi.meshing.isosurface import Surface
+from jaxfsi.opening import Opening
 
 # Vertices within this share of the local edge of a plane are moved onto it.
 _SNAP = 0.35

@@ -16,11 +16,13 @@ import scipy.sparse
 import scipy.spatial
 from jaxtyping import Float, Int
 
-from jaxfsi.anatomy.surface_edits import mean_of_neighbours
+from jaxfsi.anatomy.surface_edits import edge_lengths, mean_of_neighbours
 from jaxfsi.anatomy.triangles import Triangles, edges_of, vertex_normals
 
 _SWEEPS = 30
 _EPS = 1e-2
+_COARSE = 4.0  # spacing of the few points over the median edge
+_SMALL = 8.0  # radius of a small ball over that spacing
 _LEAST_ANGLE_DEG = 35.0  # nearer touching points are noise of the surface, not its other side
 _NEIGHBOURS = 9
 _SMOOTHING = 10
@@ -38,7 +40,7 @@ def medial_radius(surface: Triangles) -> Float[np.ndarray, " points"]:
     """
     normals = vertex_normals(surface)
     tree = scipy.spatial.KDTree(surface.points)
-    radius = _shrunk(surface.points, normals, tree)
+    radius = _ball_radius(surface, normals, tree)
     near = np.array(tree.query(surface.points, k=min(_NEIGHBOURS, len(radius)))[1])
     near[:, 0] = np.arange(len(radius))
     same_side = np.einsum("nki,ni->nk", normals[near], normals) > 0.5
@@ -86,29 +88,46 @@ def medial_path(
     return centres[way[::-1]], radius[way[::-1]]
 
 
+def _ball_radius(
+    surface: Triangles, normals: Float[np.ndarray, "points 3"], tree: scipy.spatial.KDTree
+) -> Float[np.ndarray, " points"]:
+    """Radii found among few of the points first; small balls then shrink among all of them.
+
+    A coarse set of points of spacing a makes a ball of radius r too large by about a²/8r.
+    """
+    cell = _COARSE * float(np.median(edge_lengths(surface)))
+    place = np.floor(surface.points / cell).astype(np.int64)
+    _, few = np.unique(place, axis=0, return_index=True)
+    start = np.full(len(normals), float(np.linalg.norm(np.ptp(surface.points, axis=0))) / 2.0)
+    coarse = scipy.spatial.KDTree(surface.points[few])
+    radius = _shrunk(surface.points, normals, coarse, start)
+    small = np.flatnonzero(radius < _SMALL * cell)
+    radius[small] = _shrunk(surface.points[small], normals[small], tree, radius[small])
+    return radius
+
+
 def _shrunk(
     points: Float[np.ndarray, "points 3"],
     normals: Float[np.ndarray, "points 3"],
     tree: scipy.spatial.KDTree,
+    start: Float[np.ndarray, " points"],
 ) -> Float[np.ndarray, " points"]:
-    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    radius = np.full(len(points), diagonal / 2.0)
+    """Balls that touch the points shrink from ``start`` until no point of the tree is inside."""
+    radius = start.copy()
     active = np.arange(len(points))
     cosine_limit = np.cos(np.radians(_LEAST_ANGLE_DEG))
     for _ in range(_SWEEPS):
         p, n, r = points[active], normals[active], radius[active]
-        centre = p - r[:, None] * n
         # eps spares a search among the many points at the distance of an empty ball.
-        distance, nearest = tree.query(centre, eps=_EPS)
-        arm = p - points[nearest]
+        distance, nearest = tree.query(p - r[:, None] * n, eps=_EPS)
+        q = tree.data[nearest]
+        arm = p - q
         across = np.einsum("ij,ij->i", arm, n)
         shrinks = (distance < r * (1.0 - _EPS)) & (across > 0.0)
         smaller = np.einsum("ij,ij->i", arm, arm) / np.where(shrinks, 2.0 * across, 1.0)
-        to_p = -n
-        to_q = (p - smaller[:, None] * n - points[nearest]) / np.maximum(smaller, 1e-300)[:, None]
-        # cos of the angle between p and q as seen from the centre of the new ball
-        cosine = np.einsum("ij,ij->i", to_p, to_q)
-        shrinks &= cosine < cosine_limit
+        from_q = (p - smaller[:, None] * n - q) / np.maximum(smaller, 1e-300)[:, None]
+        # cosine of the angle between p and q as seen from the centre of the new ball
+        shrinks &= -np.einsum("ij,ij->i", n, from_q) < cosine_limit
         radius[active[shrinks]] = smaller[shrinks]
         active = active[shrinks]
         if len(active) == 0:

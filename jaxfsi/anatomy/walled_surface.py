@@ -10,6 +10,7 @@ beside a thin one. Two lumens nearer than their walls share one solid.
 """
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -20,7 +21,22 @@ from jaxfsi.anatomy.triangles import Triangles
 
 _CLASS = 0.025  # width of a class of thickness [cm]
 _CREASE = 0.04  # blend radius between the thick and the thin half of the classes [cm]
-_NEAR = 0.6  # of the wall: farther away the nearest point decides alone [cm]
+_NEAR = 0.45  # farther outside the wall than this the nearest point decides alone [cm]
+_INSIDE = 0.05  # and deeper in the lumen than this [cm]
+
+
+class ThicknessClass(NamedTuple):
+    """The part of a surface that has about one thickness.
+
+    Attributes:
+        part: for distances to it; the sign means nothing.
+        thickness: at its points [cm].
+        thick: whether it belongs to the thicker half of the classes.
+    """
+
+    part: SurfaceDistance
+    thickness: Float[np.ndarray, " points"]
+    thick: bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,15 +45,13 @@ class WalledSurface:
 
     Attributes:
         lumen: for distances to the whole surface.
-        classes: for distances to the parts of similar thickness.
-        thick: whether each class belongs to the thicker half.
+        classes: its parts of similar thickness.
         radius: at the points [cm].
         thickness: at the points [cm].
     """
 
     lumen: SurfaceDistance
-    classes: tuple[SurfaceDistance, ...]
-    thick: tuple[bool, ...]
+    classes: tuple[ThicknessClass, ...]
     radius: Float[np.ndarray, " points"]
     thickness: Float[np.ndarray, " points"]
 
@@ -60,16 +74,14 @@ def walled_surface(
     number = np.minimum(
         (n_classes * (of_face - of_face.min()) / max(span, 1e-12)).astype(int), n_classes - 1
     )
-    present = [k for k in range(n_classes) if np.any(number == k)]
-    return WalledSurface(
-        surface_distance(surface),
-        tuple(
-            surface_distance(Triangles(surface.points, surface.faces[number == k])) for k in present
-        ),
-        tuple(2 * k >= n_classes for k in present),
-        radius,
-        thickness,
-    )
+    classes = []
+    for k in range(n_classes):
+        if not np.any(number == k):
+            continue
+        used, faces = np.unique(surface.faces[number == k], return_inverse=True)
+        part = surface_distance(Triangles(surface.points[used], faces.reshape(-1, 3)))
+        classes.append(ThicknessClass(part, thickness[used], 2 * k >= n_classes))
+    return WalledSurface(surface_distance(surface), tuple(classes), radius, thickness)
 
 
 def _at_foot(
@@ -108,12 +120,17 @@ def wall_distance(
     value = found.distance - _at_foot(walled.lumen, walled.thickness, found)
     if len(walled.classes) == 1:
         return value
-    close = np.flatnonzero(np.abs(value) < _NEAR)
+    close = np.flatnonzero((value < _NEAR) & (found.distance > -_INSIDE))
+    x, depth = points[close], np.abs(found.distance[close])
+    # A part farther away than the surface itself by more than this decides nothing.
+    slack = float(np.ptp(walled.thickness)) + _CREASE
     groups = {thick: np.full(len(close), np.inf) for thick in (False, True)}
-    for ready, thick in zip(walled.classes, walled.thick, strict=True):
-        part = nearest(ready, points[close])
-        outside = np.abs(part.distance) - _at_foot(ready, walled.thickness, part)
-        groups[thick] = np.minimum(groups[thick], outside)
+    for part, thickness, thick in walled.classes:
+        to_centroid, _ = part.tree.query(x)
+        chosen = np.flatnonzero(to_centroid - np.max(part.reach) < depth + slack)
+        foot = nearest(part, x[chosen])
+        outside = np.abs(foot.distance) - _at_foot(part, thickness, foot)
+        groups[thick][chosen] = np.minimum(groups[thick][chosen], outside)
     offset = np.minimum(groups[False], groups[True])
     both = np.isfinite(groups[False]) & np.isfinite(groups[True])
     offset[both] = smooth_minimum(groups[False][both], groups[True][both], _CREASE)

@@ -21,7 +21,8 @@ from lumped import (
     sampled,
     stress_rule,
 )
-from study.case import Case, IvusAnatomy
+from study.case import Case
+from study.case_anatomy import IvusAnatomy
 from study.faults import CaseError, Fault
 
 TANGENT_DROP = 40.0 * MMHG

@@ -36,6 +36,7 @@ from jaxfsi.anatomy.implicit import (
 from jaxfsi.anatomy.ivus import IvusOptions, ivus_anatomy
 from jaxfsi.anatomy.loft import eccentric_sections, lofted
 from jaxfsi.anatomy.parameters import (
+    PARAMETER_RANGES,
     ParameterFault,
     SyntheticAnatomy,
     adult_anatomy,
@@ -50,7 +51,11 @@ from jaxfsi.anatomy.sections import (
     Section,
     anatomy_sections,
     centerline_point,
+    lumen_outline,
     lumen_section,
+    measured_section,
+    plane_axes,
+    surface_outline,
     surface_section,
 )
 from jaxfsi.anatomy.surface import Cut, SurfaceOptions, surface_anatomy

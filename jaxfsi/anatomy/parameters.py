@@ -112,7 +112,7 @@ class SyntheticAnatomy:
 
 
 _LENGTH = "cm"
-_RANGES: dict[str, tuple[float, float, str]] = {
+PARAMETER_RANGES: dict[str, tuple[float, float, str]] = {
     "annulus_radius": (0.3, 2.5, _LENGTH),
     "sinus_radius": (0.35, 3.0, _LENGTH),
     "junction_radius": (0.3, 2.6, _LENGTH),
@@ -143,6 +143,7 @@ _RANGES: dict[str, tuple[float, float, str]] = {
     "thickness_minimum": (0.02, 0.15, _LENGTH),
     "thickness_maximum": (0.04, 0.4, _LENGTH),
 }
+"""Least and greatest value of each parameter, and its unit."""
 
 
 class ParameterFault(NamedTuple):
@@ -204,7 +205,7 @@ def shortest_intramural_length(p: SyntheticAnatomy) -> float:
 def _range_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
     if p.side not in ("left", "right"):
         yield ParameterFault("side", p.side, "left or right", "name one of them")
-    for name, (low, high, unit) in _RANGES.items():
+    for name, (low, high, unit) in PARAMETER_RANGES.items():
         value = getattr(p, name)
         if not low <= value <= high:
             cure = "bring it into this range; lengths are in cm and angles in rad"

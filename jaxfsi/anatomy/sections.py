@@ -40,7 +40,8 @@ class Section(NamedTuple):
     minor: float
 
 
-def _measured(segments: Segments) -> Section:
+def measured_section(segments: Segments) -> Section:
+    """Size of a closed outline of oriented pieces."""
     p, q = segments[:, 0], segments[:, 1]
     area = float(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])) / 2.0
     angle = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
@@ -95,15 +96,15 @@ def _zero_segments(x: Float[np.ndarray, " n"], values: Float[np.ndarray, "n n"])
 _NEIGHBOURS = np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]])
 
 
-def lumen_section(
+def lumen_outline(
     lumen: Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, " points"]],
     centre: Float[np.ndarray, " 3"],
     normal: Float[np.ndarray, " 3"],
     *,
     half_width: float,
     n_points: int = 161,
-) -> Section:
-    """Cross-section of an implicit lumen by a plane, the part connected with its centre.
+) -> Segments:
+    """Outline of an implicit lumen cut by a plane, of the part connected with its centre.
 
     Args:
         lumen: function that is negative in the lumen.
@@ -111,6 +112,10 @@ def lumen_section(
         normal: of the plane.
         half_width: of the square that is searched [cm]; it must hold the section.
         n_points: grid points along a side of the square; the error is of second order.
+
+    Returns:
+        Straight pieces in the plane with the lumen on their left, about the centre [cm]; the axes
+        are those of `plane_axes`.
 
     Raises:
         ValueError: the centre lies outside the lumen, or the section leaves the square.
@@ -135,7 +140,21 @@ def lumen_section(
             f"the section at {np.round(centre, 3)} is wider than {2.0 * half_width:g} cm."
             " Enlarge half_width, or turn the plane across the vessel."
         )
-    return _measured(_zero_segments(x, np.where(member, values, np.abs(values))))
+    return _zero_segments(x, np.where(member, values, np.abs(values)))
+
+
+def lumen_section(
+    lumen: Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, " points"]],
+    centre: Float[np.ndarray, " 3"],
+    normal: Float[np.ndarray, " 3"],
+    *,
+    half_width: float,
+    n_points: int = 161,
+) -> Section:
+    """Cross-section of an implicit lumen by a plane; arguments and errors of `lumen_outline`."""
+    return measured_section(
+        lumen_outline(lumen, centre, normal, half_width=half_width, n_points=n_points)
+    )
 
 
 def _loop_of(segments: Segments, ends: Int[np.ndarray, "segments 2"]) -> Segments:
@@ -161,19 +180,22 @@ def _loop_of(segments: Segments, ends: Int[np.ndarray, "segments 2"]) -> Segment
     return segments[loop == around[np.argmin(nearest[around])]]
 
 
-def surface_section(
+def surface_outline(
     points: Float[np.ndarray, "nodes 3"],
     triangles: Int[np.ndarray, "triangles 3"],
     centre: Float[np.ndarray, " 3"],
     normal: Float[np.ndarray, " 3"],
-) -> Section:
-    """Cross-section of a triangulated surface by a plane, the loop round its centre.
+) -> Segments:
+    """Outline of a triangulated surface cut by a plane, of the loop round the centre.
 
     Args:
         points: nodes of the surface [cm].
         triangles: nodes of each triangle, all with the same sense.
         centre: point of the plane inside the surface [cm].
         normal: of the plane.
+
+    Returns:
+        Straight pieces in the plane about the centre [cm], in the axes of `plane_axes`.
 
     Raises:
         ValueError: the plane misses the surface, or no loop closes round the centre.
@@ -200,7 +222,17 @@ def surface_section(
     flip = above[np.arange(len(odd)), odd][:, None]
     segments = np.where(flip[..., None], segments[:, ::-1], segments)
     ends = low * len(points) + high
-    return _measured(_loop_of(segments, np.where(flip, ends[:, ::-1], ends)))
+    return _loop_of(segments, np.where(flip, ends[:, ::-1], ends))
+
+
+def surface_section(
+    points: Float[np.ndarray, "nodes 3"],
+    triangles: Int[np.ndarray, "triangles 3"],
+    centre: Float[np.ndarray, " 3"],
+    normal: Float[np.ndarray, " 3"],
+) -> Section:
+    """Cross-section of a triangulated surface; arguments and errors of `surface_outline`."""
+    return measured_section(surface_outline(points, triangles, centre, normal))
 
 
 def centerline_point(

@@ -47,14 +47,15 @@ def input_files(case: Case) -> list[pathlib.Path]:
         case SurfaceAnatomy(surface=surface):
             files.append(surface)
         case MeshAnatomy(places=places):
-            files += [file for place in places for file in _files_of(place)]
+            files += [file for place in places for file in files_of(place)]
         case _:
             pass
     files += [c.waveform.path for c in case.conditions.values() if c.waveform is not None]
     return list(dict.fromkeys(files))
 
 
-def _files_of(place: pathlib.Path) -> list[pathlib.Path]:
+def files_of(place: pathlib.Path) -> list[pathlib.Path]:
+    """Files of a mesh: those below its folder, or the file and the JSON beside it."""
     if not place.is_dir():
         beside = place.with_suffix(".json")
         return [place, *([beside] if beside.is_file() else [])]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jaxfsi import Mesh, Region
-from jaxfsi.anatomy import Anatomy
+from jaxfsi.anatomy import Anatomy, centerline_point, plane_axes
 from jaxfsi.mesh import INTERFACE
 from jaxfsi.meshing import check_topology, mesh_quality, tet_quality, wall_thickness
 from jaxfsi.meshing.build import build_mesh
@@ -20,7 +20,7 @@ from study.case import Case, require
 from study.case_anatomy import MeshAnatomy
 from study.faults import CaseError, Fault
 from study.mesh_cache import StateMesh, load_mesh, mesh_key, store_mesh
-from study.mesh_pictures import draw_mesh, label_colours
+from study.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.progress import Progress
 
 STAGES = {
@@ -207,7 +207,7 @@ def _sections(mesh: Mesh, anatomy: Anatomy | None) -> list[dict[str, Any]]:
         return []
     found = [section_areas(mesh, anatomy, vessel=vessel) for vessel in _vessels(anatomy)]
     found = [areas for areas in found if np.any(np.isfinite(areas.error))]
-    return [_section(areas, outlines=k == 0) for k, areas in enumerate(found)]
+    return [_section(areas, anatomy, outlines=k == 0) for k, areas in enumerate(found)]
 
 
 def _vessels(anatomy: Anatomy) -> list[str]:
@@ -216,7 +216,7 @@ def _vessels(anatomy: Anatomy) -> list[str]:
     return sorted(anatomy.centerlines, key=lambda name: rank.get(name, 1))
 
 
-def _section(areas: SectionAreas, *, outlines: bool) -> dict[str, Any]:
+def _section(areas: SectionAreas, anatomy: Anatomy, *, outlines: bool) -> dict[str, Any]:
     """Areas along a vessel and, where asked for, the outlines at some places."""
     known = np.flatnonzero(np.isfinite(areas.error))
     places = np.linspace(0, len(known) - 1, _OUTLINES if outlines else 0)
@@ -232,12 +232,23 @@ def _section(areas: SectionAreas, *, outlines: bool) -> dict[str, Any]:
             {
                 "s_mm": float(areas.s[i] / MM),
                 "error": float(areas.error[i]),
-                "asked_mm": _pieces(areas.outlines[i][0]),
-                "meshed_mm": _pieces(areas.outlines[i][1]),
+                **_outlines(areas, anatomy, int(i)),
             }
             for i in shown
         ],
     }
+
+
+def _outlines(areas: SectionAreas, anatomy: Anatomy, i: int) -> dict[str, Any]:
+    """Both outlines of one place, turned so that the side away from the aorta is up."""
+    point, tangent = centerline_point(anatomy.centerlines[areas.vessel], float(areas.s[i]))
+    first, second = plane_axes(tangent)
+    away = point - aortic_axis(anatomy, point, point - second)
+    up = np.array([away @ first, away @ second])
+    up /= max(float(np.linalg.norm(up)), 1e-12)
+    turn = np.array([[up[1], up[0]], [-up[0], up[1]]])
+    asked, meshed = (_pieces(outline @ turn) for outline in areas.outlines[i])
+    return {"asked_mm": asked, "meshed_mm": meshed}
 
 
 def _pieces(segments: np.ndarray) -> list[list[float]]:

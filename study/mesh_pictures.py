@@ -90,7 +90,7 @@ def septum_place(mesh: Mesh, anatomy: Anatomy | None) -> Place:
     if line is not None:
         s = line.s[np.argmin(np.linalg.norm(line.points - focus, axis=1))]
         on_axis, along = centerline_point(line, float(s))
-        outward = on_axis - _aortic_axis(anatomy, on_axis, middle)
+        outward = on_axis - aortic_axis(anatomy, on_axis, middle)
     else:
         outward = focus - middle
     outward = outward - (outward @ along) * along
@@ -116,7 +116,7 @@ def _nearest_line(anatomy: Anatomy | None, point: Float[np.ndarray, " 3"]) -> Ce
     return lines[int(np.argmin(distances))] if lines else None
 
 
-def _aortic_axis(
+def aortic_axis(
     anatomy: Anatomy | None, point: Float[np.ndarray, " 3"], middle: Float[np.ndarray, " 3"]
 ) -> Float[np.ndarray, " 3"]:
     """Nearest point of the aorta's axis; the middle of the mesh where it has none."""
@@ -212,7 +212,7 @@ def _slit_places(
     lines = []
     for s in np.clip(middle + np.linspace(-reach, reach, _PLACES), line.s[0], line.s[-1]):
         point, along = centerline_point(line, float(s))
-        outward = point - _aortic_axis(anatomy, point, mesh.points.mean(axis=0))
+        outward = point - aortic_axis(anatomy, point, mesh.points.mean(axis=0))
         outward = _unit(outward - (outward @ along) * along)
         lines.append((point, along, outward))
     origins, normals, outwards = (np.array(part) for part in zip(*lines, strict=True))

@@ -31,8 +31,8 @@ _BINS = 12
 _SAMPLES = 6000
 _DEPTHS = 8
 _BISECTIONS = 14
-_TETS_PER_FLUID = 9.0
-_TETS_PER_WALL = 12.0
+_TETS_PER_FLUID = 8.5
+_TETS_PER_WALL = 11.5
 # Fewer elements than this across the lumen no longer show its shape.
 _LEAST_ACROSS = 2.0
 # Edges of a remeshed region are longer than the size asked for by up to this on average.
@@ -60,7 +60,8 @@ def size_at(field: SizeField, x: Float[np.ndarray, "points 3"]) -> Float[np.ndar
     size = np.full(len(x), field.largest)
     for tree, sizes in zip(field.trees, field.sizes, strict=True):
         reach = (field.largest - sizes.min()) / field.growth
-        distance, index = tree.query(x, distance_upper_bound=max(reach, 1e-12))
+        found = tree.query(x, distance_upper_bound=max(reach, 1e-12))
+        distance, index = (np.asarray(part) for part in found)
         near = np.isfinite(distance)
         size[near] = np.minimum(size[near], sizes[index[near]] + field.growth * distance[near])
     return size

@@ -89,7 +89,7 @@ def test_surface_with_a_hole_cannot_be_filled():
 
 
 def test_netgen_options_are_known_to_the_adapter():
-    out = run_isolated(native_call("netgen", cylinder()._asdict(), {"grading": 0.2}))
+    out = run_isolated(native_call("fill_netgen", cylinder()._asdict(), {"grading": 0.2}))
     assert set(out) == {"points", "tets"}
 
 

@@ -273,13 +273,11 @@ def _condition(
     series_key = CONDITIONS[kind].series
     waveform = None
     if series_key:
-        series = values[series_key]
+        times, series = ([float(v) for v in values[key]] for key in ("t", series_key))
         if kind == "FLOW" and side == OUTLET:
             series = [-value for value in series]  # ours enters the node, theirs leaves the vessel
         try:
-            waveform, period = waveform_from_series(
-                values["t"], series, interpolation=interpolation
-            )
+            waveform, period = waveform_from_series(times, series, interpolation=interpolation)
         except ValueError as error:
             faults.append(f"{where}: {series_key}: {error}")
             return None

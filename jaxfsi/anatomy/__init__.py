@@ -1,6 +1,15 @@
 """Anatomies: the lumen and the wall of the vessels as implicit functions with named openings."""
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening, PointFunction
+from jaxfsi.anatomy.cohort import (
+    PUBLISHED,
+    Measures,
+    Published,
+    anatomy_from_measures,
+    resistance_index,
+    sample_anatomies,
+    sample_measures,
+)
 from jaxfsi.anatomy.ct_course import AortaFit, fit_aorta, read_centerline
 from jaxfsi.anatomy.curves import (
     Curve,
@@ -31,11 +40,19 @@ from jaxfsi.anatomy.parameters import (
     SyntheticAnatomy,
     adult_anatomy,
     check_parameters,
+    coronary_diameter,
     paediatric_anatomy,
     parameter_faults,
     scaled_anatomy,
 )
 from jaxfsi.anatomy.pullback import Pullback, read_pullback
+from jaxfsi.anatomy.sections import (
+    Section,
+    anatomy_sections,
+    centerline_point,
+    lumen_section,
+    surface_section,
+)
 from jaxfsi.anatomy.surface import Cut, SurfaceOptions, surface_anatomy
 from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
 from jaxfsi.anatomy.triangles import Triangles, read_triangles

@@ -1,7 +1,7 @@
 """The course of the coronary arteries of the synthetic anatomy, from the aortic lumen outwards.
 
 The anomalous artery is laid out in coordinates of the aortic wall: height h, angle θ and depth d
-outwards from the aortic lumen, all functions of the length l along the wall. From inside the lumen
+outwards from the aortic lumen, all functions of the arc length s. From inside the lumen
 d rises at the take-off angle, an arc leads into the intramural depth
 
     d = septum + (minor half axis) + correction,
@@ -11,6 +11,7 @@ correction makes the least distance of each cross-section from the aortic lumen 
 whatever the shape of the wall there.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -18,16 +19,18 @@ import scipy.interpolate
 import scipy.ndimage
 from jaxtyping import Float
 
+from jaxfsi.anatomy.aorta import aorta_radius
 from jaxfsi.anatomy.curves import Curve, bezier_points, curve_through, extended
 from jaxfsi.anatomy.implicit import Tube, elliptic_contours, surface_points, tube_foot
-from jaxfsi.anatomy.parameters import SyntheticAnatomy
+from jaxfsi.anatomy.parameters import SyntheticAnatomy, approach
 
 _SPACING = 0.02
 _ANGLES = 32
 _EXIT_ANGLE = 0.7
 _STEP = 0.005
 _CORRECTIONS = 4
-_SMOOTHING = 0.03
+_RELAXATION = 0.8
+_SMOOTHING = 0.06
 
 
 class Course(NamedTuple):
@@ -54,58 +57,57 @@ class Course(NamedTuple):
         return elliptic_contours(self.half_major, self.half_minor, _ANGLES)
 
 
-class _Depth(NamedTuple):
-    """Depth d over the length l along the wall, without correction; l = 0 at the ostium."""
+class _Profile(NamedTuple):
+    """Depth in the wall along the course, without correction; everything is 0 at the ostium.
 
-    length: Float[np.ndarray, " points"]
+    Attributes:
+        s: arc length of the course [cm].
+        along: length along the wall [cm].
+        depth: of the axis below the aortic lumen's surface, outwards [cm].
+        plateau: arc lengths between which the depth is constant [cm].
+    """
+
+    s: Float[np.ndarray, " points"]
+    along: Float[np.ndarray, " points"]
     depth: Float[np.ndarray, " points"]
     plateau: tuple[float, float]
 
 
-def _depth_profile(p: SyntheticAnatomy) -> _Depth:
-    """Straight rise, arc, plateau, arc, straight exit; evenly sampled in l."""
-    alpha = p.take_off_angle
-    minor = p.intramural_half_axes[1]
-    level = p.septum + minor
-    bend = max(1.6 * max(minor, p.ostium_minor / 2.0), 0.1)
-    # The arc ends on the plateau at l = l_1; the straight rise continues it tangentially.
-    start = -(p.ostium_minor / 2.0 + 0.06) - 0.3 * bend
-    arc_length, arc_depth = bend * np.sin(alpha), bend * (1.0 - np.cos(alpha))
-    straight = (level - arc_depth - start) / np.tan(alpha)
+def _profile(p: SyntheticAnatomy) -> _Profile:
+    """Straight rise, arc, plateau, arc, straight exit, with the wider artery farther out."""
+    alpha, minor = p.take_off_angle, p.intramural_half_axes[1]
+    bend, s_rise, s_first = approach(p)
+    s_last = p.intramural_length
     out_bend = max(3.0 * p.reference_radius, 0.4)
-    l_2 = straight + arc_length + 10.0
-    rise_length = out_bend * np.sin(_EXIT_ANGLE)
-    end = l_2 + rise_length + 0.25
-    l_all = np.arange(0.0, end, _STEP)
-    l_1 = straight + arc_length
-    rise = start + np.minimum(l_all, straight) * np.tan(alpha)
-    inside = np.clip(l_1 - l_all, 0.0, arc_length)
-    rise = np.where(l_all < straight, rise, level - bend + np.sqrt(bend**2 - inside**2))
-    outside = np.clip(l_all - l_2, 0.0, rise_length)
-    leave = out_bend - np.sqrt(out_bend**2 - outside**2)
-    leave += np.tan(_EXIT_ANGLE) * np.maximum(l_all - l_2 - rise_length, 0.0)
-    depth = rise + leave
-    ostium = np.interp(0.0, depth[l_all < l_1], l_all[l_all < l_1])
-    # Cut the plateau to the wanted length; it was laid out long so that the arcs cannot meet.
-    surplus = l_2 - (ostium + p.intramural_length)
-    keep = (l_all <= l_1) | (l_all >= l_1 + surplus)
-    length = np.where(l_all > l_1, l_all - surplus, l_all)[keep] - ostium
-    return _Depth(length, depth[keep], (l_1 - ostium, p.intramural_length))
+    start = min(s_rise, 0.0) - (p.ostium_minor / 2.0 + 0.06) / np.sin(alpha)
+    end = s_last + out_bend * _EXIT_ANGLE + 0.25
+    s = np.linspace(start, end, int((end - start) / _STEP) + 2)
+    turned = np.clip((s - s_rise) / bend, 0.0, alpha)
+    angle = alpha - turned + np.clip((s - s_last) / out_bend, 0.0, _EXIT_ANGLE)
+    middle = (angle[1:] + angle[:-1]) / 2.0
+    along, depth = (
+        np.concatenate([[0.0], np.cumsum(f(middle) * np.diff(s))]) for f in (np.cos, np.sin)
+    )
+    depth += p.septum + minor - np.interp(s_first, s, depth)
+    plateau = (s_first, s_last)
+    _, half_minor = _half_axes(p, plateau, s)
+    depth += np.where(s > s_last, half_minor - minor, 0.0)
+    return _Profile(s, along - np.interp(0.0, s, along), depth, plateau)
 
 
 def _half_axes(
-    p: SyntheticAnatomy, plateau: tuple[float, float], length: Float[np.ndarray, " points"]
+    p: SyntheticAnatomy, plateau: tuple[float, float], s: Float[np.ndarray, " points"]
 ) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
     """Half axes along and across the wall: ostium, intramural lumen, round distal artery."""
     major, minor = p.intramural_half_axes
     first, last = plateau
-    narrow = max(min(max(first, 0.25), 0.6 * last), 0.5 * first, 0.05)
+    narrow = min(max(first, 0.25), (first + last) / 2.0)
     widening = max(0.5, 3.0 * p.reference_radius)
     knots = [-9.0, 0.0, narrow, last, last + widening, last + widening + 9.0]
     tops = [p.ostium_major / 2.0] * 2 + [major] * 2 + [p.reference_radius] * 2
     sides = [p.ostium_minor / 2.0] * 2 + [minor] * 2 + [p.reference_radius] * 2
     return tuple(
-        np.exp(scipy.interpolate.PchipInterpolator(knots, np.log(values))(length))
+        np.exp(scipy.interpolate.PchipInterpolator(knots, np.log(values))(s))
         for values in (tops, sides)
     )
 
@@ -116,23 +118,19 @@ def _direction(p: SyntheticAnatomy) -> float:
 
 
 def _wall_path(
-    p: SyntheticAnatomy, aorta: Tube, profile: _Depth, depth: Float[np.ndarray, " points"]
+    p: SyntheticAnatomy, aorta: Tube, profile: _Profile, depth: Float[np.ndarray, " points"]
 ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"]]:
     """Points of the course at given depths, and the normals of the aortic wall there."""
     sign = _direction(p)
-    heights = p.ostium_height - profile.length * np.sin(p.course_angle)
-    at_ostium, _ = surface_points(
-        aorta, np.array([p.ostium_height]), np.array([-sign * p.ostium_angle])
-    )
-    centre = np.array([0.0, 0.0, at_ostium[0, 2]])
-    radius = float(np.linalg.norm((at_ostium - centre)[0, :2]))
-    angles = sign * (profile.length * np.cos(p.course_angle) / radius - p.ostium_angle)
+    heights = p.ostium_height - profile.along * np.sin(p.course_angle)
+    # Angles at which a step along the wall has its length at the depth of the course.
+    mean = float(np.mean(aorta_radius(p, heights))) + p.septum + p.intramural_half_axes[1]
+    angles = sign * (profile.along * np.cos(p.course_angle) / mean - p.ostium_angle)
     on_wall, normal = surface_points(aorta, heights, angles)
     return on_wall + depth[:, None] * normal, normal
 
 
 def _tail(
-    p: SyntheticAnatomy,
     start: Float[np.ndarray, " 3"],
     direction: Float[np.ndarray, " 3"],
     outward: Float[np.ndarray, " 3"],
@@ -150,30 +148,24 @@ def _tail(
 
 
 def _laid_out(
-    p: SyntheticAnatomy, aorta: Tube, profile: _Depth, correction: Float[np.ndarray, " points"]
+    p: SyntheticAnatomy, aorta: Tube, profile: _Profile, correction: Float[np.ndarray, " points"]
 ) -> tuple[Curve, float]:
     """Axis with s = 0 at the ostium, and the arc length of the outlet."""
     path, wall_normal = _wall_path(p, aorta, profile, profile.depth + correction)
     direction = path[-1] - path[-2]
     direction /= np.linalg.norm(direction)
-    walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
-    ostium = float(np.interp(0.0, profile.length, walked))
-    at_exit = float(np.interp(profile.plateau[1], profile.length, walked))
-    tail = _tail(
-        p, path[-1], direction, wall_normal[-1], max(at_exit + p.distal_length - walked[-1], 0.5)
-    )
-    every = max(int(_SPACING / _STEP), 1)
-    controls = np.concatenate([path[:-1:every], path[-1:], tail[2::2]])
-    tangent = np.gradient(path, axis=0)
-    framed = profile.length[: len(path) - 1 : every] <= profile.plateau[1]
-    across = np.cross(wall_normal, tangent)[: len(path) - 1 : every][framed]
+    left = p.intramural_length + p.distal_length - profile.s[-1]
+    tail = _tail(path[-1], direction, wall_normal[-1], max(left, 0.5))
+    chosen = np.arange(0, len(path) - 1, max(int(_SPACING / _STEP), 1))
+    controls = np.concatenate([path[chosen], path[-1:], tail[2::2]])
+    framed = chosen[profile.s[chosen] <= profile.plateau[1]]
+    across = np.cross(wall_normal, np.gradient(path, axis=0))[framed]
     curve = curve_through(controls, _SPACING, normals=across)
+    walked = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    ostium = float(np.interp(0.0, profile.s, walked))
     s_outlet = float(curve.s[-1]) - ostium
     longer = extended(curve, 0.0, p.reference_radius + p.thickness_minimum)
-    shifted = Curve(
-        longer.points, longer.s - ostium, longer.tangent, longer.normal, longer.binormal
-    )
-    return shifted, s_outlet
+    return dataclasses.replace(longer, s=longer.s - ostium), s_outlet
 
 
 def _gap(
@@ -191,11 +183,8 @@ def anomalous_course(p: SyntheticAnatomy, aorta: Tube) -> Course:
         p: parameters (valid).
         aorta: lumen of the aorta.
     """
-    profile = _depth_profile(p)
-    _, minor = _half_axes(p, profile.plateau, profile.length)
-    widened = np.where(profile.length > profile.plateau[1], minor - p.intramural_half_axes[1], 0.0)
-    profile = profile._replace(depth=profile.depth + widened)
-    correction = np.zeros_like(profile.length)
+    profile = _profile(p)
+    correction = np.zeros_like(profile.s)
     for _ in range(_CORRECTIONS):
         course = _course(p, aorta, profile, correction)
         correction = correction + _change(p, profile, course)
@@ -203,7 +192,7 @@ def anomalous_course(p: SyntheticAnatomy, aorta: Tube) -> Course:
 
 
 def _course(
-    p: SyntheticAnatomy, aorta: Tube, profile: _Depth, correction: Float[np.ndarray, " points"]
+    p: SyntheticAnatomy, aorta: Tube, profile: _Profile, correction: Float[np.ndarray, " points"]
 ) -> Course:
     axis, s_outlet = _laid_out(p, aorta, profile, correction)
     major, minor = _half_axes(p, profile.plateau, axis.s)
@@ -211,14 +200,17 @@ def _course(
     return Course(axis, major, minor, gap, s_outlet)
 
 
-def _change(p: SyntheticAnatomy, profile: _Depth, course: Course) -> Float[np.ndarray, " points"]:
-    """Depth to add so that the gap is the septum on the plateau, and no less beyond it."""
+def _change(p: SyntheticAnatomy, profile: _Profile, course: Course) -> Float[np.ndarray, " points"]:
+    """Depth to add so that the gap is the septum along the plateau.
+
+    Where the artery turns out of the wall its sections tilt; there the change of the plateau is
+    held. On the rise the change fades to nothing at the ostium.
+    """
     first, last = profile.plateau
-    length = profile.length
-    lacking = p.septum - np.interp(length, course.axis.s, course.gap)
-    at_first, at_last = np.interp([first, last], length, lacking)
-    change = np.where(length < first, at_first * np.clip(length / first, 0.0, 1.0), lacking)
-    change = np.where(length > last, np.maximum(lacking, at_last), change)
+    untilted = max(last - p.intramural_half_axes[1], (first + last) / 2.0)
+    held = np.clip(profile.s, first, untilted)
+    lacking = p.septum - np.interp(held, course.axis.s, course.gap)
+    change = _RELAXATION * lacking * np.clip(profile.s / first, 0.0, 1.0)
     return scipy.ndimage.gaussian_filter1d(change, _SMOOTHING / _STEP, mode="nearest")
 
 
@@ -247,6 +239,6 @@ def normal_course(p: SyntheticAnatomy, aorta: Tube) -> Course:
     curve = curve_through(np.concatenate([stub, bezier_points(controls, 31)]), _SPACING)
     s_outlet = float(curve.s[-1]) - inside
     longer = extended(curve, 0.0, p.normal_radius + p.thickness_minimum)
-    axis = Curve(longer.points, longer.s - inside, longer.tangent, longer.normal, longer.binormal)
+    axis = dataclasses.replace(longer, s=longer.s - inside)
     half = np.full(len(axis.s), p.normal_radius)
     return Course(axis, half, half, _gap(aorta, axis, elliptic_contours(half, half, 16)), s_outlet)

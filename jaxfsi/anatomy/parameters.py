@@ -1,8 +1,7 @@
 """Parameters of a synthetic anatomy: an aorta with one anomalous and one normal coronary.
 
 Lengths in cm, angles in rad, cross-sections as areas and ratios of full widths. Adult sizes of the
-aortic root follow a body surface area of 1.9 m²; a child's vessels scale with its square root, as
-coronary and aortic diameters do (Dallaire & Dahdah 2011, JASE 24:60).
+aortic root belong to a body surface area of 1.9 m²; `scaled_anatomy` turns an adult into a child.
 """
 
 import dataclasses
@@ -10,9 +9,15 @@ import math
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
+from lumped.units import MM
+
 Side = Literal["left", "right"]
 
 ADULT_SURFACE_AREA_M2 = 1.9
+
+# The arc that leads into the wall must be wider than the lumen that follows it.
+_BEND_PER_HALF_WIDTH = 1.6
+_LEAST_BEND = 0.1  # [cm]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,14 +165,40 @@ class ParameterFault(NamedTuple):
         return f"{self.name} = {value}, allowed {self.allowed}: {self.cure}"
 
 
-def shortest_intramural_length(p: SyntheticAnatomy) -> float:
-    """Least intramural length [cm] in which the artery can reach its depth in the wall.
+class Approach(NamedTuple):
+    """How the axis of the anomalous artery gets from the ostium to its depth in the wall.
 
-    The axis rises from the aortic lumen to septum + minor half axis at the take-off angle; the
-    tenth of the septum's thickness beyond is the least course with a septum worth the name.
+    Attributes:
+        bend: radius of the arc that turns it parallel to the wall [cm].
+        s_arc: arc length from the ostium at which the arc begins [cm]; negative where the ostium
+            lies on the arc.
+        s_parallel: arc length at which it runs parallel to the wall [cm].
     """
-    depth = p.septum + p.intramural_half_axes[1]
-    return depth / math.tan(p.take_off_angle) + depth
+
+    bend: float
+    s_arc: float
+    s_parallel: float
+
+
+def approach(p: SyntheticAnatomy) -> Approach:
+    """Straight rise at the take-off angle α and an arc of radius ρ to the depth D.
+
+    Over the arc the depth grows by ρ (1 − cos α); the rest is straight, (D − ρ (1 − cos α))/sin α.
+    """
+    alpha, minor = p.take_off_angle, p.intramural_half_axes[1]
+    level = p.septum + minor
+    bend = max(_BEND_PER_HALF_WIDTH * max(minor, p.ostium_minor / 2.0), _LEAST_BEND)
+    arc_depth = bend * (1.0 - math.cos(alpha))
+    if arc_depth < level:
+        s_arc = (level - arc_depth) / math.sin(alpha)
+    else:
+        s_arc = -bend * (alpha - math.acos(1.0 - level / bend))
+    return Approach(bend, s_arc, s_arc + bend * alpha)
+
+
+def shortest_intramural_length(p: SyntheticAnatomy) -> float:
+    """Least intramural length [cm]: the approach to its depth, and half that depth of plateau."""
+    return approach(p).s_parallel + 0.5 * (p.septum + p.intramural_half_axes[1])
 
 
 def _range_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
@@ -280,18 +311,32 @@ def adult_anatomy(side: Side = "right") -> SyntheticAnatomy:
     return SyntheticAnatomy(side=side)
 
 
-_SCALED = (
+_AORTIC = (
     "annulus_radius sinus_radius junction_radius tube_radius sinus_height junction_height"
-    " aorta_length inflow_length ostium_height intramural_length ostium_major ostium_minor"
-    " reference_radius distal_length normal_radius normal_height normal_length"
+    " aorta_length inflow_length ostium_height normal_height"
 ).split()
+_CORONARY = (
+    "intramural_length ostium_major ostium_minor reference_radius distal_length normal_radius"
+    " normal_length"
+).split()
+_LEAST_DISTAL_LENGTH = 1.2  # the reference area is taken 1 cm beyond the intramural course
+
+
+def coronary_diameter(side: Side, body_surface_area_m2: float) -> float:
+    """Normal diameter of a main coronary artery [cm] (Dallaire & Dahdah 2011, JASE 24:60).
+
+    Left main: −0.182 + 2.924 √BSA mm; right: −0.304 + 2.752 √BSA mm, BSA in m².
+    """
+    root = math.sqrt(body_surface_area_m2)
+    return (-0.182 + 2.924 * root if side == "left" else -0.304 + 2.752 * root) * MM
 
 
 def scaled_anatomy(p: SyntheticAnatomy, body_surface_area_m2: float) -> SyntheticAnatomy:
-    """An adult's anatomy at another body size: lumens and lengths ∝ √(body surface area).
+    """An adult's anatomy at another body size.
 
-    Wall limits and septum shrink half as much: they thin less than in proportion with size, and
-    a mesh must still resolve them.
+    The aorta scales with √(body surface area), the coronary arteries like the normal diameter of
+    the anomalous one. Septum and wall limits shrink half as much (as the square root of the
+    scale): small vessels have relatively thicker walls, and a mesh must still resolve them.
 
     Args:
         p: anatomy at the adult body surface area of 1.9 m².
@@ -304,11 +349,15 @@ def scaled_anatomy(p: SyntheticAnatomy, body_surface_area_m2: float) -> Syntheti
         raise ValueError(
             f"body surface area {body_surface_area_m2:g} m² lies outside 0.3..2.8. Give it in m²."
         )
-    scale = math.sqrt(body_surface_area_m2 / ADULT_SURFACE_AREA_M2)
-    changes = {name: getattr(p, name) * scale for name in _SCALED}
+    aortic = math.sqrt(body_surface_area_m2 / ADULT_SURFACE_AREA_M2)
+    coronary = coronary_diameter(p.side, body_surface_area_m2) / coronary_diameter(
+        p.side, ADULT_SURFACE_AREA_M2
+    )
+    changes = {name: getattr(p, name) * aortic for name in _AORTIC}
+    changes |= {name: getattr(p, name) * coronary for name in _CORONARY}
     for name in ("thickness_minimum", "thickness_maximum", "septum"):
-        changes[name] = getattr(p, name) * math.sqrt(scale)
-    changes["distal_length"] = max(changes["distal_length"], 1.2)
+        changes[name] = getattr(p, name) * math.sqrt(coronary)
+    changes["distal_length"] = max(changes["distal_length"], _LEAST_DISTAL_LENGTH)
     return dataclasses.replace(p, **changes)
 
 

@@ -14,7 +14,14 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from jaxfsi.anatomy import Opening
-from jaxfsi.faces import find_rows, region_faces, same_sense, triangle_edges, unique_rows
+from jaxfsi.faces import (
+    RegionFaces,
+    find_rows,
+    region_faces,
+    same_sense,
+    triangle_edges,
+    unique_rows,
+)
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh
 from jaxfsi.mesh_checks import place
 
@@ -44,7 +51,8 @@ def label_faces(
 
     Raises:
         ValueError: two openings share a name, an opening has no blood face or no cut wall round
-            it, or part of the fluid's boundary lies neither in an opening nor on the solid.
+            it, its ball cuts through the wall, or part of the fluid's boundary lies neither in an
+            opening nor on the solid.
     """
     names = [opening.name for opening in openings]
     _check_names(names)
@@ -62,7 +70,7 @@ def label_faces(
         if has_solid and not np.any(ring == i):
             raise ValueError(
                 f"the opening {name!r} near {place(openings[i].centre)} has no cut wall round it."
-                " Enlarge its radius to hold the wall, or check that the wall reaches the plane."
+                " Check that the wall reaches its plane and lies in its ball."
             )
     open_faces = bounds.fluid[cap < 0]
     if has_solid and len(open_faces):
@@ -102,19 +110,34 @@ def _cap_of(
     normals = np.cross(edges[:, 1], edges[:, 2])
     best = np.full(len(faces), np.inf)
     cap = np.full(len(faces), -1, dtype=np.int64)
+    planes: list[Bool[np.ndarray, " faces"]] = []
     for i, opening in enumerate(openings):
         offset = corners - opening.centre
         height = np.max(np.abs(offset @ opening.normal), axis=1, initial=0.0)
         distance = np.sqrt(np.max(np.sum(offset**2, axis=2), axis=1, initial=0.0))
-        inside: Bool[np.ndarray, " faces"] = (
-            (height <= _PLANE_TOLERANCE * longest)
-            & (distance <= opening.radius)
-            & (normals @ opening.normal > 0.0)
-            & (distance < best)
+        in_plane: Bool[np.ndarray, " faces"] = (height <= _PLANE_TOLERANCE * longest) & (
+            normals @ opening.normal > 0.0
         )
+        inside = in_plane & (distance <= opening.radius) & (distance < best)
         cap[inside] = i
         best[inside] = distance[inside]
+        planes.append(in_plane)
+    for i, opening in enumerate(openings):
+        if _touch(faces[cap == i], faces[planes[i] & (cap < 0)]):
+            raise ValueError(
+                f"the ball of the opening {opening.name!r} near {place(opening.centre)}, radius"
+                f" {opening.radius:.4g} cm, cuts through the faces in its plane. Enlarge it to hold"
+                " the wall of its vessel."
+            )
     return cap
+
+
+def _touch(some: Int[np.ndarray, "some 3"], others: Int[np.ndarray, "others 3"]) -> bool:
+    """Whether triangles share an edge with others."""
+    if len(some) == 0 or len(others) == 0:
+        return False
+    known, _ = unique_rows(np.sort(triangle_edges(others).reshape(-1, 2), axis=1))
+    return bool(np.any(find_rows(triangle_edges(some).reshape(-1, 2), known) >= 0))
 
 
 def labelled_mesh(
@@ -150,8 +173,16 @@ def outward(
     Raises:
         ValueError: a triangle is no face of the boundary or the interface.
     """
-    bounds = region_faces(tets, region)
-    wanted = np.concatenate([bounds.interface, bounds.fluid, bounds.solid])
+    return _turned_like(faces, _all_bounds(region_faces(tets, region)))
+
+
+def _all_bounds(bounds: RegionFaces) -> Int[np.ndarray, "faces 3"]:
+    return np.concatenate([bounds.interface, bounds.fluid, bounds.solid])
+
+
+def _turned_like(
+    faces: Int[np.ndarray, "faces 3"], wanted: Int[np.ndarray, "wanted 3"]
+) -> Int[np.ndarray, "faces 3"]:
     entry = find_rows(faces, wanted)
     if np.any(entry < 0):
         raise ValueError(
@@ -260,8 +291,9 @@ def complete_labels(
         ValueError: a named triangle is no boundary or interface face, or boundary faces of the
             fluid have no name.
     """
-    groups = {name: outward(faces, tets, region) for name, faces in named.items() if len(faces)}
     bounds = region_faces(tets, region)
+    wanted = _all_bounds(bounds)
+    groups = {name: _turned_like(faces, wanted) for name, faces in named.items() if len(faces)}
     known = np.concatenate([np.zeros((0, 3), dtype=np.int64), *groups.values()])
     interface, fluid, solid = (
         faces[find_rows(faces, known) < 0]

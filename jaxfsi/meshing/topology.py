@@ -22,7 +22,7 @@ from jaxfsi.mesh_parts import used_nodes
 from jaxfsi.meshing.surface_topology import SurfaceTopology, enclosed_volume, surface_topology
 
 _VOLUME_TOLERANCE = 1e-9  # round-off of a sum over 1e6 faces, relative
-_INSIDE = 1e-9  # barycentric coordinate above which a node lies inside a tetrahedron
+_OUTSIDE = -1e-9  # barycentric coordinate below which a node lies off a tetrahedron
 
 
 class Fault(NamedTuple):
@@ -241,16 +241,18 @@ def _intrusion_faults(mesh: Mesh) -> list[Fault]:
             x, y, z = mesh.points[inside[0]]
             faults.append(
                 Fault(
-                    f"{inside.size} nodes of the {_REGION[inner]} lie inside the {_REGION[outer]}",
+                    f"{inside.size} nodes of the {_REGION[inner]} that the {_REGION[outer]} does"
+                    " not share lie in or on it",
                     f"{_REGION[outer]} at ({x:.4g}, {y:.4g}, {z:.4g}) cm",
-                    "The two regions overlap: mesh both in one go, or lower the wall's thickness",
+                    "The two regions overlap or do not conform: mesh both in one go, or lower the"
+                    " wall's thickness",
                 )
             )
     return faults
 
 
 def nodes_inside(mesh: Mesh, inner: Region, outer: Region) -> Int[np.ndarray, " inside"]:
-    """Nodes of one region, not shared with the other, that lie inside the other's tetrahedra."""
+    """Nodes of one region, not shared with the other, that lie in or on the other's tetrahedra."""
     tets = mesh.tets_of(outer)
     nodes = np.setdiff1d(used_nodes(mesh.tets_of(inner)), used_nodes(tets))
     if len(nodes) == 0 or len(tets) == 0:
@@ -267,7 +269,7 @@ def nodes_inside(mesh: Mesh, inner: Region, outer: Region) -> Int[np.ndarray, " 
         return np.zeros(0, dtype=np.int64)
     node = nodes[np.concatenate([np.asarray(entry, dtype=np.int64) for entry in found])]
     weights = barycentric(corners[tet], mesh.points[node])
-    return np.unique(node[np.all(weights > _INSIDE, axis=1)])
+    return np.unique(node[np.all(weights > _OUTSIDE, axis=1)])
 
 
 def barycentric(

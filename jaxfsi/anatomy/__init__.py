@@ -10,6 +10,7 @@ from jaxfsi.anatomy.cohort import (
     sample_anatomies,
     sample_measures,
 )
+from jaxfsi.anatomy.ct_course import AortaFit, fit_aorta, read_centerline
 from jaxfsi.anatomy.curves import (
     Curve,
     CurveCoordinates,
@@ -32,6 +33,8 @@ from jaxfsi.anatomy.implicit import (
     tube,
     tube_foot,
 )
+from jaxfsi.anatomy.ivus import IvusOptions, ivus_anatomy
+from jaxfsi.anatomy.loft import eccentric_sections, lofted
 from jaxfsi.anatomy.parameters import (
     ParameterFault,
     SyntheticAnatomy,
@@ -42,6 +45,7 @@ from jaxfsi.anatomy.parameters import (
     parameter_faults,
     scaled_anatomy,
 )
+from jaxfsi.anatomy.pullback import Pullback, read_pullback
 from jaxfsi.anatomy.sections import (
     Section,
     anatomy_sections,
@@ -49,7 +53,9 @@ from jaxfsi.anatomy.sections import (
     lumen_section,
     surface_section,
 )
+from jaxfsi.anatomy.surface import Cut, SurfaceOptions, surface_anatomy
 from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
+from jaxfsi.anatomy.triangles import Triangles, read_triangles
 from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
 from jaxfsi.anatomy.wall import (
     offset_by_class,

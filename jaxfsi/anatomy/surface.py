@@ -116,22 +116,15 @@ def surface_anatomy(
         ValueError: the surface cannot be repaired; says why and what to change.
     """
     options = SurfaceOptions() if options is None else options
+    if unit not in _CM:
+        raise ValueError(f"{unit!r} is not a known unit. Use one of {', '.join(_CM)}.")
     given = surface if isinstance(surface, Triangles) else read_triangles(surface)
     if len(given.faces) == 0:
         raise ValueError("the surface holds no triangles. Export it again.")
     scale = _CM[unit]
-    whole = outwards(cleaned(Triangles(scale * given.points, given.faces)))
-    whole, _ = open_ends(whole)
-    body, ends = without_caps(whole)
+    body, ends = _opened(Triangles(scale * given.points, given.faces))
     _check_ends(ends, cuts or {}, options, unit)
-    smooth = taubin_smoothed(
-        with_flat_loops(body, ends),
-        options.smoothing_steps,
-        fixed=np.concatenate([np.zeros(0, dtype=np.int64), *(end.loop for end in ends)]),
-    )
-    longest = _LONGEST * float(np.median(edge_lengths(smooth)))
-    smooth = refined(smooth, longest)
-    _check_crossings(smooth, longest)
+    smooth, longest = _smooth(body, ends, options.smoothing_steps)
     ends = ends_of(smooth)
     closed = refined(extended_and_closed(smooth, ends, _OVERRUN, step=longest), longest)
     radius = _radius(smooth, ends, closed, longest)
@@ -154,14 +147,36 @@ def surface_anatomy(
             "source": "surface",
             "unit": unit,
             "triangles": len(given.faces),
-            "volume": enclosed_volume(extended_and_closed(body, ends_of(body), 0.0)),
-            "smoothed_volume": enclosed_volume(extended_and_closed(smooth, ends, 0.0)),
-            "largest_move": float(
-                np.max(np.linalg.norm(smooth.points[: len(body.points)] - body.points, axis=1))
-            ),
             "options": dataclasses.asdict(options),
-        },
+        }
+        | _change(body, smooth),
     )
+
+
+def _opened(surface: Triangles) -> tuple[Triangles, list[FlatEnd]]:
+    """The cleaned surface without caps, and its ends."""
+    whole, _ = open_ends(outwards(cleaned(surface)))
+    return without_caps(whole)
+
+
+def _smooth(body: Triangles, ends: list[FlatEnd], steps: int) -> tuple[Triangles, float]:
+    """The smoothed surface with flat loops, and its longest edge [cm]."""
+    loops = np.concatenate([np.zeros(0, dtype=np.int64), *(end.loop for end in ends)])
+    smooth = taubin_smoothed(with_flat_loops(body, ends), steps, fixed=loops)
+    longest = _LONGEST * float(np.median(edge_lengths(smooth)))
+    smooth = refined(smooth, longest)
+    _check_crossings(smooth, longest)
+    return smooth, longest
+
+
+def _change(body: Triangles, smooth: Triangles) -> dict[str, object]:
+    """Volumes [cm³] before and after smoothing, and the largest move of a point [cm]."""
+    moves = smooth.points[: len(body.points)] - body.points
+    return {
+        "volume": enclosed_volume(extended_and_closed(body, ends_of(body), 0.0)),
+        "smoothed_volume": enclosed_volume(extended_and_closed(smooth, ends_of(smooth), 0.0)),
+        "largest_move": float(np.max(np.linalg.norm(moves, axis=1))),
+    }
 
 
 def _check_ends(

@@ -13,7 +13,7 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from jaxfsi.anatomy.implicit import smooth_minimum
 from jaxfsi.anatomy.surface_distance import Nearest, SurfaceDistance, nearest, surface_distance
@@ -46,12 +46,14 @@ class WalledSurface:
     Attributes:
         lumen: for distances to the whole surface.
         classes: its parts of similar thickness.
+        class_of_face: index of the class of each triangle.
         radius: at the points [cm].
         thickness: at the points [cm].
     """
 
     lumen: SurfaceDistance
     classes: tuple[ThicknessClass, ...]
+    class_of_face: Int[np.ndarray, " faces"]
     radius: Float[np.ndarray, " points"]
     thickness: Float[np.ndarray, " points"]
 
@@ -74,14 +76,15 @@ def walled_surface(
     number = np.minimum(
         (n_classes * (of_face - of_face.min()) / max(span, 1e-12)).astype(int), n_classes - 1
     )
+    present, class_of_face = np.unique(number, return_inverse=True)
     classes = []
-    for k in range(n_classes):
-        if not np.any(number == k):
-            continue
+    for k in present:
         used, faces = np.unique(surface.faces[number == k], return_inverse=True)
         part = surface_distance(Triangles(surface.points[used], faces.reshape(-1, 3)))
-        classes.append(ThicknessClass(part, thickness[used], 2 * k >= n_classes))
-    return WalledSurface(surface_distance(surface), tuple(classes), radius, thickness)
+        classes.append(ThicknessClass(part, thickness[used], bool(2 * k >= n_classes)))
+    return WalledSurface(
+        surface_distance(surface), tuple(classes), class_of_face, radius, thickness
+    )
 
 
 def _at_foot(
@@ -121,13 +124,20 @@ def wall_distance(
     if len(walled.classes) == 1:
         return value
     close = np.flatnonzero((value < _NEAR) & (found.distance > -_INSIDE))
-    x, depth = points[close], np.abs(found.distance[close])
+    x, depth, own = points[close], np.abs(found.distance[close]), value[close]
+    own = np.where(found.distance[close] < 0.0, own + 2.0 * depth, own)
+    nearest_class = walled.class_of_face[found.face[close]]
     # A part farther away than the surface itself by more than this decides nothing.
     slack = float(np.ptp(walled.thickness)) + _CREASE
     groups = {thick: np.full(len(close), np.inf) for thick in (False, True)}
-    for part, thickness, thick in walled.classes:
-        to_centroid, _ = part.tree.query(x)
-        chosen = np.flatnonzero(to_centroid - np.max(part.reach) < depth + slack)
+    for k, (part, thickness, thick) in enumerate(walled.classes):
+        mine = nearest_class == k
+        groups[thick][mine] = np.minimum(groups[thick][mine], own[mine])
+        others = np.flatnonzero(~mine)
+        reach = slack + float(np.max(part.reach))
+        bound = reach + float(np.max(depth[others], initial=0.0))
+        to_centroid, _ = part.tree.query(x[others], distance_upper_bound=bound)
+        chosen = others[to_centroid < depth[others] + reach]
         foot = nearest(part, x[chosen])
         outside = np.abs(foot.distance) - _at_foot(part, thickness, foot)
         groups[thick][chosen] = np.minimum(groups[thick][chosen], outside)

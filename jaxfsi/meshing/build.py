@@ -162,7 +162,14 @@ def build_mesh(
         ValueError: the request or the anatomy cannot be meshed at all.
         MeshingError: no attempt gave a mesh that passes the checks.
     """
-    check_demands(anatomy, preset, elements_across, wall_layers, backend)
+    check_demands(
+        anatomy,
+        preset,
+        elements_across,
+        wall_layers,
+        backend,
+        smallest=ATTEMPTS[-1].lattice.smallest,
+    )
     faults: list[str] = []
     for attempt in ATTEMPTS:
         stages = _Stages(progress)

@@ -154,7 +154,7 @@ def _rings(inner: Plane, outer: Plane, spacing: float, layers: int) -> Plane:
 
 def _foot(points: Plane, loop: Plane) -> Plane:
     """Nearest points on a closed polygon."""
-    near = KDTree(loop).query(points, k=min(4, len(loop)))[1]
+    near = np.asarray(KDTree(loop).query(points, k=min(4, len(loop)))[1])
     best = np.full(len(points), np.inf)
     foot = np.zeros_like(points)
     for column in near.T:

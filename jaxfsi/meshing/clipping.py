@@ -16,7 +16,7 @@ from jaxfsi.opening import Opening
 
 # Vertices within this share of the local edge of a plane are moved onto it.
 _SNAP = 0.35
-_ON_PLANE = 1e-12
+_ON_PLANE = 1e-9  # [cm]
 
 
 class ClippedSurface(NamedTuple):
@@ -33,7 +33,7 @@ class ClippedSurface(NamedTuple):
 
 
 def clip(surface: Surface, openings: tuple[Opening, ...], *, what: str) -> ClippedSurface:
-    """Cut a surface by the planes of its openings and keep the largest component.
+    """Cut a surface by the planes of its openings and keep the component with most openings.
 
     Args:
         surface: vessels that run on beyond their openings.
@@ -48,11 +48,18 @@ def clip(surface: Surface, openings: tuple[Opening, ...], *, what: str) -> Clipp
     for opening in openings:
         points, triangles = _cut(points, triangles, opening, what)
     component = _components(len(points), triangles)[triangles[:, 0]]
-    share = np.bincount(component, weights=_areas(points, triangles))
-    main = int(np.argmax(share))
+    at_opening = [np.unique(component[_touching(points, triangles, o)]) for o in openings]
+    count = np.bincount(np.concatenate(at_opening), minlength=component.max() + 1)
+    area = np.bincount(component, weights=_areas(points, triangles))
+    main = int(np.lexsort((area, count))[-1])
+    for opening, touching in zip(openings, at_opening, strict=True):
+        if main not in touching:
+            raise ValueError(
+                f"the {what} at opening {opening.name!r} is not joined to the rest: the vessels do"
+                " not touch. Let the vessel begin inside the one it leaves, or check positions and"
+                " units."
+            )
     kept = triangles[component == main]
-    for opening in openings:
-        _check_joined(points, triangles, component, main, opening, what)
     used, renumbered = np.unique(kept, return_inverse=True)
     clipped = Surface(points[used], renumbered.reshape(-1, 3))
     return ClippedSurface(clipped, find_loops(clipped, openings, what=what))
@@ -165,23 +172,15 @@ def _split(
     return np.concatenate(pieces)
 
 
-def _check_joined(
+def _touching(
     points: Float[np.ndarray, "points 3"],
     triangles: Int[np.ndarray, "triangles 3"],
-    component: Int[np.ndarray, " triangles"],
-    main: int,
     opening: Opening,
-    what: str,
-) -> None:
+) -> Bool[np.ndarray, " triangles"]:
+    """Triangles with a vertex in the plane of an opening and in its ball."""
     height = (points - opening.centre) @ opening.normal
     ball = np.linalg.norm(points - opening.centre, axis=1) < opening.radius
-    on_plane = ball & (np.abs(height) < 1e-9)
-    at_opening = on_plane[triangles].any(axis=1)
-    if not at_opening.any() or main not in component[at_opening]:
-        raise ValueError(
-            f"the {what} at opening {opening.name!r} is not joined to the rest: the vessels do not"
-            " touch. Let the vessel begin inside the one it leaves, or check positions and units."
-        )
+    return (ball & (np.abs(height) < _ON_PLANE))[triangles].any(axis=1)
 
 
 def _components(
@@ -200,7 +199,7 @@ def _areas(
     return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
-def border_edges(triangles: Int[np.ndarray, "triangles 3"]) -> Int[np.ndarray, "edges 2"]:
+def _border_edges(triangles: Int[np.ndarray, "triangles 3"]) -> Int[np.ndarray, "edges 2"]:
     """Directed edges that belong to one triangle only, in its sense of rotation."""
     edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, back, count = np.unique(
@@ -210,7 +209,7 @@ def border_edges(triangles: Int[np.ndarray, "triangles 3"]) -> Int[np.ndarray, "
 
 
 def _border_loops(triangles: Int[np.ndarray, "triangles 3"]) -> list[Int[np.ndarray, " loop"]]:
-    edges = border_edges(triangles)
+    edges = _border_edges(triangles)
     following = dict(edges.tolist())
     loops = []
     while following:
@@ -242,11 +241,3 @@ def flatten_loops(clipped: ClippedSurface, openings: tuple[Opening, ...]) -> Cli
         height = (points[loop] - opening.centre) @ opening.normal
         points[loop] -= height[:, None] * opening.normal
     return ClippedSurface(Surface(points, clipped.surface.triangles), clipped.loops)
-
-
-def closed_manifold(triangles: Int[np.ndarray, "triangles 3"]) -> Bool[np.ndarray, ""]:
-    """Whether every edge belongs to two triangles of opposite sense."""
-    edges = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    forward, count = np.unique(edges, axis=0, return_counts=True)
-    backward = np.unique(edges[:, ::-1], axis=0)
-    return np.asarray(np.all(count == 1) and np.array_equal(forward, backward))

@@ -11,12 +11,14 @@ from jaxtyping import Float, Int
 
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Region
+from jaxfsi.mesh_checks import place
 from jaxfsi.meshing.caps import annulus, disc
-from jaxfsi.meshing.clipping import ClippedSurface, closed_manifold
+from jaxfsi.meshing.clipping import ClippedSurface
+from jaxfsi.meshing.intersections import crossing_triangles
 from jaxfsi.meshing.isolate import MeshingError
-from jaxfsi.meshing.isosurface import Surface
 from jaxfsi.meshing.projection import triangle_qualities
 from jaxfsi.meshing.sizes import SizeField
+from jaxfsi.meshing.surface_topology import surface_topology
 
 
 class Complex(NamedTuple):
@@ -113,17 +115,24 @@ def check_complex(complex_: Complex, anatomy: Anatomy, *, least_quality: float) 
     for region in Region:
         surface = region_surface(complex_, region)
         name = region.name.lower()
-        if not closed_manifold(surface.triangles):
-            faults.append(f"the surface of the {name} is not closed")
-        euler = len(surface.points) - len(surface.triangles) // 2
-        if euler != expected[region]:
-            faults.append(f"its {name} has Euler number {euler} instead of {expected[region]}")
+        topology = surface_topology(surface.points, surface.triangles)
+        if not topology.is_closed_manifold:
+            faults.append(f"the surface of the {name} is not closed or touches itself")
+        if topology.euler != expected[region]:
+            faults.append(
+                f"the surface of the {name} has Euler number {topology.euler} instead of"
+                f" {expected[region]}"
+            )
     quality = triangle_qualities(complex_.points, complex_.triangles)
     if quality.min() < least_quality:
         faults.append(f"a triangle has quality {quality.min():.3f} (least {least_quality})")
-    crossing = _crossings(complex_, anatomy)
-    if crossing:
-        faults.append(f"lumen and wall cross at {crossing} triangles")
+    outside = _outside(complex_, anatomy)
+    if outside:
+        faults.append(f"{outside} triangles of lumen or wall lie on the wrong side of the other")
+    crossing = crossing_triangles(complex_.points, complex_.triangles)
+    if len(crossing):
+        at = complex_.points[complex_.triangles[crossing[0]]].mean(axis=0)
+        faults.append(f"{len(crossing)} triangles cut others, the first at {place(at)}")
     if faults:
         raise MeshingError(
             f"the surface of {anatomy.name!r} cannot be filled: {'; '.join(faults)}. Use a finer"
@@ -131,17 +140,10 @@ def check_complex(complex_: Complex, anatomy: Anatomy, *, least_quality: float) 
         )
 
 
-def _crossings(complex_: Complex, anatomy: Anatomy) -> int:
+def _outside(complex_: Complex, anatomy: Anatomy) -> int:
     """Triangles of the interface outside the wall, and of the wall inside the lumen."""
     centre = complex_.points[complex_.triangles].mean(axis=1)
     interface, wall = (complex_.label == i for i in (0, 1))
     outside = anatomy.wall(centre[interface]) >= 0.0
     inside = anatomy.lumen(centre[wall]) <= 0.0
     return int(outside.sum() + inside.sum())
-
-
-def surface_of(complex_: Complex, name: str) -> Surface:
-    """The triangles under one label, over all points of the complex."""
-    return Surface(
-        complex_.points, complex_.triangles[complex_.label == complex_.label_names.index(name)]
-    )

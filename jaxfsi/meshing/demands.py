@@ -18,8 +18,18 @@ def check_demands(
     elements_across: int | None,
     wall_layers: int,
     backend: str,
+    *,
+    smallest: float,
 ) -> None:
     """Refuse a request or an anatomy that cannot be meshed, naming all faults.
+
+    Args:
+        anatomy: what is to be meshed.
+        preset: name of a preset.
+        elements_across: elements across the lumen, or None.
+        wall_layers: layers through the wall.
+        backend: name of a backend.
+        smallest: element size below which surfaces are not resolved [cm].
 
     Raises:
         ValueError: lists what is wrong, each with a cure.
@@ -37,6 +47,7 @@ def check_demands(
         faults.append("there is no opening; cut at least one inlet and one outlet")
     for opening in anatomy.openings:
         faults += _opening_faults(anatomy, opening)
+    faults += _width_faults(anatomy, smallest)
     names = [opening.name for opening in anatomy.openings]
     if len(set(names)) != len(names):
         faults.append(f"the openings are named {', '.join(names)}; give each its own name")
@@ -58,6 +69,20 @@ def _bounds_faults(anatomy: Anatomy) -> list[str]:
             " mm by 0.1"
         ]
     return []
+
+
+def _width_faults(anatomy: Anatomy, smallest: float) -> list[str]:
+    faults = []
+    for name, line in anatomy.centerlines.items():
+        radius = np.asarray(anatomy.local_radius(np.asarray(line.points, dtype=float)))
+        narrowest = int(np.argmin(radius))
+        if radius[narrowest] < smallest:
+            faults.append(
+                f"the lumen of {name!r} is {2.0 * radius[narrowest]:.3g} cm wide at"
+                f" s = {line.s[narrowest]:.3g} cm, thinner than two of the smallest elements"
+                f" ({smallest:.3g} cm); check units, or widen the lumen there"
+            )
+    return faults
 
 
 def _opening_faults(anatomy: Anatomy, opening: Opening) -> list[str]:

@@ -40,9 +40,9 @@ class Backend(NamedTuple):
 
 BACKENDS: Mapping[str, Backend] = MappingProxyType(
     {
-        "netgen": Backend("LGPL-2.1", "netgen", {"steps": 1, "grading": 0.4}),
-        "gmsh": Backend("GPL-2.0-or-later", "gmsh", {"algorithm": 1}),
-        "tetgen": Backend("AGPL-3.0-or-later", "tetgen", {"switches": "pq1.4/12YQ"}),
+        "netgen": Backend("LGPL-2.1", "fill_netgen", {"steps": 1, "grading": 0.4}),
+        "gmsh": Backend("GPL-2.0-or-later", "fill_gmsh", {"algorithm": 1}),
+        "tetgen": Backend("AGPL-3.0-or-later", "fill_tetgen", {"switches": "pq1.4/12YQ"}),
     }
 )
 

@@ -69,7 +69,7 @@ def run_isolated(call: NativeCall) -> Arrays:
     Raises:
         MeshingError: the mesher is not installed, crashed, ran too long or raised an error.
     """
-    name = call.module.stem
+    name = call.module.stem.removeprefix("fill_")
     with tempfile.TemporaryDirectory(prefix="mesher-") as name_of_folder:
         folder = pathlib.Path(name_of_folder)
         np.savez(folder / "in.npz", **call.arrays)  # pyright: ignore[reportArgumentType]

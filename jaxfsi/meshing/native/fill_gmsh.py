@@ -1,6 +1,6 @@
 """Adapter of gmsh (GPL, installed by choice): fills a closed surface with tetrahedra."""
 
-import gmsh
+import gmsh  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 

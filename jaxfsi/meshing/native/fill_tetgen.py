@@ -1,7 +1,7 @@
 """Adapter of TetGen (AGPL, installed by choice): fills a closed surface with tetrahedra."""
 
 import numpy as np
-import tetgen
+import tetgen  # pyright: ignore[reportMissingImports]
 
 
 def run(arrays, options):

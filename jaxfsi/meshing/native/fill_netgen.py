@@ -8,9 +8,13 @@ def run(arrays, options):
     """``points, triangles`` (closed, normals outwards) -> ``points, tets``; input nodes first."""
     points = np.ascontiguousarray(arrays["points"], dtype=np.float64)
     triangles = arrays["triangles"]
-    mesh = ng.Mesh(dim=3)
+    mesh = ng.Mesh(dim=3)  # pyright: ignore[reportAttributeAccessIssue]
     mesh.AddPoints(points)
-    face = mesh.Add(ng.FaceDescriptor(surfnr=1, domin=1, domout=0, bc=1))
+    face = mesh.Add(
+        ng.FaceDescriptor(  # pyright: ignore[reportAttributeAccessIssue]
+            surfnr=1, domin=1, domout=0, bc=1
+        )
+    )
     mesh.AddElements(
         dim=2,
         index=face,

@@ -4,6 +4,7 @@ Vertices near a plane are moved onto it first, so that no cut leaves a tiny tria
 across a plane are split. What lies beyond the planes then falls off as other components.
 """
 
+import contextlib
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +15,9 @@ from scipy.sparse.csgraph import connected_components
 from jaxfsi.meshing.isosurface import Surface
 from jaxfsi.opening import Opening
 
-# Vertices within this share of the local edge of a plane are moved onto it.
-_SNAP = 0.35
+# Vertices within this share of the local edge of a plane are moved onto it; less where so many
+# moved that the border pinches.
+_SNAPS = (0.35, 0.2, 0.1, 0.03)
 _ON_PLANE = 1e-9  # [cm]
 
 
@@ -44,9 +46,18 @@ def clip(surface: Surface, openings: tuple[Opening, ...], *, what: str) -> Clipp
         ValueError: a plane misses the vessel, does not cut it through, or the vessels behind two
             openings do not join.
     """
+    for snap in _SNAPS[:-1]:
+        with contextlib.suppress(ValueError):
+            return _clip(surface, openings, what, snap)
+    return _clip(surface, openings, what, _SNAPS[-1])
+
+
+def _clip(
+    surface: Surface, openings: tuple[Opening, ...], what: str, snap: float
+) -> ClippedSurface:
     points, triangles = surface
     for opening in openings:
-        points, triangles = _cut(points, triangles, opening, what)
+        points, triangles = _cut(points, triangles, opening, what, snap)
     component = _components(len(points), triangles)[triangles[:, 0]]
     at_opening = [np.unique(component[_touching(points, triangles, o)]) for o in openings]
     count = np.bincount(np.concatenate(at_opening), minlength=component.max() + 1)
@@ -113,6 +124,7 @@ def _cut(
     triangles: Int[np.ndarray, "triangles 3"],
     opening: Opening,
     what: str,
+    share_snapped: float,
 ) -> tuple[Float[np.ndarray, "new 3"], Int[np.ndarray, "newtriangles 3"]]:
     inside = np.linalg.norm(points - opening.centre, axis=1) < opening.radius
     height = (points - opening.centre) @ opening.normal
@@ -120,7 +132,7 @@ def _cut(
     length = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
     local = np.full(len(points), np.inf)
     np.minimum.at(local, edges.ravel(), np.repeat(length, 2))
-    snap = inside & (np.abs(height) < _SNAP * local)
+    snap = inside & (np.abs(height) < share_snapped * local)
     points = points - np.where(snap, height, 0.0)[:, None] * opening.normal
     height = np.where(snap, 0.0, height)
     low, high = edges.T

@@ -52,6 +52,15 @@ def test_clipped_tube_ends_in_flat_loops_of_its_radius():
     assert (topology.euler, topology.n_components, topology.crowded_edges) == (0, 1, 0)
 
 
+def test_rough_surfaces_are_cut_in_simple_loops():
+    for seed in range(20):
+        smooth = cylinder(0.5, -2.0, 2.0)
+        noise = 0.025 * np.random.default_rng(seed).normal(size=smooth.points.shape)
+        clipped = clip(Surface(smooth.points + noise, smooth.triangles), ends(), what="lumen")
+        topology = surface_topology(*clipped.surface)
+        assert (topology.euler, topology.n_components, topology.pinched_nodes) == (0, 1, 0)
+
+
 def test_plane_acts_only_in_its_ball():
     one, other = cylinder(0.3, -2.0, 2.0), cylinder(0.3, -2.0, 0.6)
     both = Surface(

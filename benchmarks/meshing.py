@@ -15,7 +15,6 @@ import numpy as np
 
 from jaxfsi.anatomy import (
     Anatomy,
-    SurfaceOptions,
     ivus_anatomy,
     sample_anatomies,
     surface_anatomy,
@@ -96,8 +95,7 @@ def _surfaces() -> Iterator[Item]:
     ):
         file = folder / place / "mesh-complete.exterior.vtp"
         if file.is_file():
-            options = SurfaceOptions(thickness_maximum=0.2)
-            yield Item(name, lambda file=file: surface_anatomy(file, unit="cm", options=options))
+            yield Item(name, lambda file=file: surface_anatomy(file, unit="cm"))
 
 
 def run(rounds: int = 1, preset: str = "medium") -> dict[str, Any]:

@@ -22,8 +22,8 @@ Arrays = dict[str, np.ndarray]
 NATIVE_FOLDER = pathlib.Path(__file__).parent / "native"
 DEFAULT_TIMEOUT = 900.0
 _INSTALL = {
-    "mmgpy": "pip install 'jaxfsi[mesh]'",
-    "netgen": "pip install 'jaxfsi[mesh]'",
+    "mmgpy": "pip install mmgpy",
+    "netgen": "pip install netgen-mesher",
     "gmsh": "pip install gmsh (GPL)",
     "tetgen": "pip install tetgen (AGPL)",
 }

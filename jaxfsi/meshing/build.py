@@ -24,10 +24,10 @@ from jaxfsi.meshing.clipping import (
     on_planes,
 )
 from jaxfsi.meshing.complex import Complex, assemble, check_complex
-from jaxfsi.meshing.demands import check_demands
+from jaxfsi.meshing.demands import Request, check_demands
 from jaxfsi.meshing.fidelity import Fidelity, mesh_fidelity
 from jaxfsi.meshing.fill import fill_complex
-from jaxfsi.meshing.isolate import MeshingError
+from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
 from jaxfsi.meshing.isosurface import Surface, extract_surface
 from jaxfsi.meshing.labels import label_faces
 from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
@@ -162,41 +162,20 @@ def build_mesh(
         ValueError: the request or the anatomy cannot be meshed at all.
         MeshingError: no attempt gave a mesh that passes the checks.
     """
-    check_demands(
-        anatomy,
-        preset,
-        elements_across,
-        wall_layers,
-        backend,
-        smallest=ATTEMPTS[-1].lattice.smallest,
-    )
+    request = Request(preset, elements_across, wall_layers, backend)
+    check_demands(anatomy, request, smallest=ATTEMPTS[-1].lattice.smallest)
     faults: list[str] = []
     for attempt in ATTEMPTS:
         stages = _Stages(progress)
         try:
-            complex_, field = _surfaces(
-                anatomy, attempt, PRESETS[preset], elements_across, wall_layers, stages
-            )
-            stages.enter("filling")
-            filled = fill_complex(complex_, field, backend=backend, layers=wall_layers > 1)
-            stages.enter("checking")
-            mesh = _labelled(anatomy, *filled)
-            topology, quality = _passed(mesh)
-            fidelity = mesh_fidelity(mesh, anatomy)
-            stages.leave()
+            mesh, topology, quality, fidelity = _attempted(anatomy, attempt, request, stages)
+        except NotInstalledError:
+            raise
         except MeshingError as error:
-            if "not installed" in str(error):
-                raise
             faults.append(str(error))
             continue
-        settings: dict[str, object] = {
-            "preset": preset,
-            "elements_across": elements_across,
-            "wall_layers": wall_layers,
-            "backend": backend,
-        }
         report = MeshReport(
-            topology, quality, fidelity, stages.wall_time_s, tuple(faults), settings
+            topology, quality, fidelity, stages.wall_time_s, tuple(faults), request._asdict()
         )
         return MeshResult(mesh, report)
     raise MeshingError(
@@ -205,12 +184,25 @@ def build_mesh(
     )
 
 
+def _attempted(
+    anatomy: Anatomy, attempt: Attempt, request: Request, stages: _Stages
+) -> tuple[Mesh, TopologyReport, Quality, Fidelity]:
+    complex_, field = _surfaces(anatomy, attempt, request, stages)
+    stages.enter("filling")
+    layers = request.wall_layers > 1
+    filled = fill_complex(complex_, field, backend=request.backend, layers=layers)
+    stages.enter("checking")
+    mesh = _labelled(anatomy, *filled)
+    topology, quality = _passed(mesh)
+    fidelity = mesh_fidelity(mesh, anatomy)
+    stages.leave()
+    return mesh, topology, quality, fidelity
+
+
 def _surfaces(
     anatomy: Anatomy,
     attempt: Attempt,
-    target: int,
-    elements_across: int | None,
-    wall_layers: int,
+    request: Request,
     stages: _Stages,
 ) -> tuple[Complex, SizeField]:
     functions = (anatomy.lumen, anatomy.wall)
@@ -223,9 +215,9 @@ def _surfaces(
     stages.enter("sizes")
     field = choose_sizes(
         sample_surface(anatomy, surfaces[0]),
-        target=round(attempt.refinement * target),
-        elements_across=elements_across,
-        wall_layers=wall_layers,
+        target=round(attempt.refinement * PRESETS[request.preset]),
+        elements_across=request.elements_across,
+        wall_layers=request.wall_layers,
     )
     deviation = attempt.deviation * min(float(sizes.min()) for sizes in field.sizes)
     stages.enter("remeshing")
@@ -237,7 +229,7 @@ def _surfaces(
     surfaces = remesh_surfaces(surfaces, field, deviation=deviation)
     stages.enter("closing")
     lumen, wall = (_projected(surface, anatomy, i) for i, surface in enumerate(surfaces))
-    complex_ = assemble(anatomy, lumen, wall, field, wall_layers=wall_layers)
+    complex_ = assemble(anatomy, lumen, wall, field, wall_layers=request.wall_layers)
     check_complex(complex_, anatomy, least_quality=_LEAST_TRIANGLE_QUALITY)
     return complex_, field
 

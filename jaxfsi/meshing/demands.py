@@ -1,5 +1,7 @@
 """What is asked of a mesh, checked before any work: request, openings, bounds, values."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from jaxfsi.anatomy import Anatomy, Opening
@@ -12,28 +14,34 @@ _MOST_LAYERS = 8
 _LARGEST_CM = 100.0
 
 
-def check_demands(
-    anatomy: Anatomy,
-    preset: str,
-    elements_across: int | None,
-    wall_layers: int,
-    backend: str,
-    *,
-    smallest: float,
-) -> None:
+class Request(NamedTuple):
+    """What is asked of a mesh.
+
+    Attributes:
+        preset: name of a preset.
+        elements_across: least number of elements across the lumen, or None.
+        wall_layers: layers through the wall.
+        backend: name of a backend.
+    """
+
+    preset: str
+    elements_across: int | None
+    wall_layers: int
+    backend: str
+
+
+def check_demands(anatomy: Anatomy, request: Request, *, smallest: float) -> None:
     """Refuse a request or an anatomy that cannot be meshed, naming all faults.
 
     Args:
         anatomy: what is to be meshed.
-        preset: name of a preset.
-        elements_across: elements across the lumen, or None.
-        wall_layers: layers through the wall.
-        backend: name of a backend.
+        request: what is asked for.
         smallest: element size below which surfaces are not resolved [cm].
 
     Raises:
         ValueError: lists what is wrong, each with a cure.
     """
+    preset, elements_across, wall_layers, backend = request
     backend_named(backend)
     faults = []
     if preset not in PRESETS:

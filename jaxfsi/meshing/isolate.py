@@ -33,6 +33,10 @@ class MeshingError(RuntimeError):
     """A mesher failed, or what it made did not pass a gate."""
 
 
+class NotInstalledError(MeshingError):
+    """A mesher is not there; trying again does not help."""
+
+
 class NativeCall(NamedTuple):
     """One call of a native mesher.
 
@@ -67,7 +71,8 @@ def run_isolated(call: NativeCall) -> Arrays:
         The arrays that the adapter returned.
 
     Raises:
-        MeshingError: the mesher is not installed, crashed, ran too long or raised an error.
+        NotInstalledError: the mesher is not installed or cannot be loaded.
+        MeshingError: it crashed, ran too long or raised an error.
     """
     name = call.module.stem.removeprefix("fill_")
     with tempfile.TemporaryDirectory(prefix="mesher-") as name_of_folder:
@@ -91,7 +96,7 @@ def run_isolated(call: NativeCall) -> Arrays:
             ) from error
         fault = folder / "error.json"
         if fault.exists():
-            raise MeshingError(_told(name, json.loads(fault.read_text())))
+            raise _told(name, json.loads(fault.read_text()))
         if done.returncode != 0:
             raise MeshingError(_ended(name, done))
         with np.load(folder / "out.npz") as out:
@@ -104,15 +109,15 @@ def run_all_isolated(calls: Sequence[NativeCall]) -> list[Arrays]:
         return list(pool.map(run_isolated, calls))
 
 
-def _told(name: str, fault: dict[str, str]) -> str:
+def _told(name: str, fault: dict[str, str]) -> MeshingError:
     if fault["kind"] in ("ImportError", "ModuleNotFoundError"):
         package = fault.get("package") or name
         cure = _INSTALL.get(package, f"pip install {package}")
-        return (
+        return NotInstalledError(
             f"{package} is not installed or cannot be loaded ({fault['message']}). Install it"
             f" ({cure}), or choose another backend."
         )
-    return (
+    return MeshingError(
         f"{name} failed: {fault['kind']}: {fault['message']}. Try a finer preset, another backend,"
         " or a lumen with less acute corners."
     )

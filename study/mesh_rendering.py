@@ -44,7 +44,7 @@ def _plotter(size: list[int], columns: int) -> pv.Plotter:
         border_color="white",
         border_width=8.0,
     )
-    plotter.set_background(_BACK)
+    plotter.set_background(_BACK)  # pyright: ignore[reportArgumentType]  wrapped method
     return plotter
 
 
@@ -67,7 +67,7 @@ def _look(
     plotter: pv.Plotter, centre: np.ndarray, towards: np.ndarray, up: np.ndarray, half: float
 ) -> None:
     """Parallel view of a square of given half height about a point, from a direction."""
-    plotter.enable_parallel_projection()
+    plotter.enable_parallel_projection()  # pyright: ignore[reportCallIssue]  wrapped method
     camera = plotter.camera
     camera.focal_point = tuple(centre)
     camera.position = tuple(centre + 40.0 * towards)

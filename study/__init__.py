@@ -3,21 +3,26 @@
 from study.beat import Beat
 from study.case import (
     REQUIREMENTS,
-    Anatomy,
     BloodParameters,
     Case,
     Condition,
     CoronaryParameters,
-    IvusAnatomy,
-    MeshAnatomy,
+    MeshOptions,
     SolverOptions,
     StressParameters,
-    SurfaceAnatomy,
     SurrogateParameters,
-    SyntheticAnatomy,
     WallParameters,
     read_case,
     require,
+)
+from study.case_anatomy import (
+    Anatomy,
+    IvusAnatomy,
+    IvusState,
+    MeshAnatomy,
+    SurfaceAnatomy,
+    SurfaceCut,
+    SyntheticAnatomy,
 )
 from study.demo import demo_case_path
 from study.faults import CaseError, Fault

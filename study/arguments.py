@@ -1,15 +1,19 @@
 """Arguments of the command line, with their help."""
 
 import argparse
+import importlib.util
 import math
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from jaxfsi.meshing.sizes import PRESETS
 from study.cache import VARIABLE
+from study.mesh_results import FORMATS
 
 LARGEST_COUNT = 1_000_000
+_ON_CASES = ("run", "calibrate", "sweep", "mesh")
 
 _DESCRIPTION = """\
 Pressure ratios (FFR, resting Pd/Pa) of anomalous coronary arteries by reduced models that are
@@ -21,6 +25,7 @@ examples:
   jaxfsi template > case.toml             start a case file
   jaxfsi run --demo                       the real patient that comes with the package
   jaxfsi run case.toml                    results in case-results/, report.html first
+  jaxfsi mesh case.toml                   mesh of blood and wall, with pictures
   jaxfsi show case-results                what was found, in the terminal
 
 exit status: 0 done, 1 the computation failed, 2 the input was refused, 130 interrupted.
@@ -36,7 +41,8 @@ examples:
   jaxfsi run --demo --out results
   jaxfsi run case.toml --json > summary.json
 
-writes result.json and report.html into the output folder.
+writes result.json and report.html into the output folder. --mesh adds a coarse mesh of the first
+state and shows it in the report; --demo does so too unless --no-mesh is given.
 """,
     ),
     "calibrate": (
@@ -57,6 +63,19 @@ examples:
   jaxfsi sweep case.toml --alpha 0.05:1:50 --condition dobutamine --rule all
 
 alpha runs in equal ratios from FROM to TO; writes sweep.json, sweep.csv and sweep.svg.
+""",
+    ),
+    "mesh": (
+        "make a labelled mesh of blood and wall that share their nodes",
+        """\
+examples:
+  jaxfsi mesh case.toml                                     first state, preset of the case
+  jaxfsi mesh case.toml --state all --preset medium
+  jaxfsi mesh case.toml --elements-across 8 --format vtu,folder
+  jaxfsi mesh --demo --out results
+
+writes the mesh in each format, mesh.json with all its numbers, mesh.html and its pictures. A mesh
+that was made before comes from the cache.
 """,
     ),
     "show": (
@@ -106,7 +125,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         )
         for name, (help_, epilog) in _HELP.items()
     }
-    for name in ("run", "calibrate", "sweep"):
+    for name in _ON_CASES:
         what = parsers[name].add_mutually_exclusive_group(required=True)
         what.add_argument("case", nargs="?", type=pathlib.Path, help="case file", metavar="CASE")
         what.add_argument("--demo", action="store_true", help="use the bundled patient")
@@ -114,14 +133,58 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     sweep.add_argument("--alpha", type=alpha_range, required=True, metavar="FROM:TO:N")
     sweep.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
     sweep.add_argument("--rule", help="stress rule: printed, all, or factors of the case")
+    _mesh_arguments(parsers["mesh"])
+    parsers["run"].add_argument(
+        "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
+    )
     parsers["show"].add_argument("result", type=pathlib.Path, metavar="RESULT", help="its folder")
     for name, command in parsers.items():
         where = "folder for the output"
-        if name in ("run", "calibrate", "sweep"):
+        if name in _ON_CASES:
             where += " (default: CASE-results beside the case; ./results for --demo)"
         command.add_argument("--out", type=pathlib.Path, metavar="DIR", help=where)
         command.add_argument("--json", action="store_true", help="print one JSON object, only")
     return parser.parse_args(list(argv))
+
+
+def _mesh_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--state", nargs="+", metavar="NAME", help="states to mesh, or all; default: the first"
+    )
+    command.add_argument("--preset", choices=tuple(PRESETS), help="30k, 150k or 500k tetrahedra")
+    command.add_argument(
+        "--elements-across", type=_count(2, 24), metavar="N", help="at least so many, 2 to 24"
+    )
+    command.add_argument("--wall-layers", type=_count(1, 8), metavar="N", help="1 to 8; default: 2")
+    command.add_argument("--backend", choices=("netgen", "gmsh", "tetgen"))
+    command.add_argument("--unit", choices=("cm", "mm"), help="of the mesh files; default: cm")
+    command.add_argument(
+        "--format",
+        type=_formats,
+        default=("vtu",),
+        metavar="NAMES",
+        help=f"some of {','.join(FORMATS)}; folder is mesh-complete; default: vtu",
+    )
+
+
+def _count(low: int, high: int) -> Callable[[str], int]:
+    def read(text: str) -> int:
+        if not text.isdecimal() or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number of {low} to {high}")
+        return int(text)
+
+    return read
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    """`vtu,msh` as names of formats, each once."""
+    names = tuple(dict.fromkeys(name.strip().lower() for name in text.split(",")))
+    unknown = [name for name in names if name not in FORMATS]
+    if unknown:
+        raise argparse.ArgumentTypeError(f"{unknown[0]!r} is none of {', '.join(FORMATS)}")
+    if "xdmf" in names and importlib.util.find_spec("h5py") is None:
+        raise argparse.ArgumentTypeError("xdmf needs h5py; try pip install 'jaxfsi[xdmf]', or vtu")
+    return names
 
 
 def alpha_range(text: str) -> np.ndarray:

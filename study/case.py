@@ -10,70 +10,15 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 from study.beat import Beat
+from study.case_anatomy import (
+    Anatomy,
+    IvusAnatomy,
+)
 from study.case_tables import key_homes, read_tables
 from study.document import read_document
 from study.faults import CaseError, Fault
 from study.schema import FREE_TEXT
 from study.tables import Context
-
-
-@dataclasses.dataclass(frozen=True)
-class IvusAnatomy:
-    """Lumen contours from intravascular ultrasound.
-
-    Attributes:
-        contours: file of tab-separated frame, x, y, z in mm.
-        centerline: file of the centre line of the vessel, if there is one.
-        aorta_radius: radius of the aorta at the ostium [cm], if known.
-    """
-
-    contours: pathlib.Path
-    centerline: pathlib.Path | None = None
-    aorta_radius: float | None = None
-    kind: Literal["ivus"] = "ivus"
-
-
-@dataclasses.dataclass(frozen=True)
-class SyntheticAnatomy:
-    """Parameters of a drawn anatomy; None where its usual value is meant.
-
-    Attributes:
-        side: the anomalous artery.
-        take_off_angle: angle between artery and aortic wall at the ostium [rad].
-        ostium_major: larger diameter of the ostium [cm].
-        ostium_minor: smaller diameter of the ostium [cm].
-        intramural_length: length of the course within the aortic wall [cm].
-        hypoplasia: lumen area of that course over the normal one [-].
-    """
-
-    side: Literal["left", "right"] | None = None
-    take_off_angle: float | None = None
-    ostium_major: float | None = None
-    ostium_minor: float | None = None
-    intramural_length: float | None = None
-    hypoplasia: float | None = None
-    kind: Literal["synthetic"] = "synthetic"
-
-
-@dataclasses.dataclass(frozen=True)
-class SurfaceAnatomy:
-    """A surface of the lumen, in files of length unit `unit`."""
-
-    surface: pathlib.Path
-    unit: Literal["mm", "cm"]
-    kind: Literal["surface"] = "surface"
-
-
-@dataclasses.dataclass(frozen=True)
-class MeshAnatomy:
-    """A finished mesh (a file or a folder), in length unit `unit`."""
-
-    path: pathlib.Path
-    unit: Literal["mm", "cm"]
-    kind: Literal["mesh"] = "mesh"
-
-
-Anatomy = IvusAnatomy | SyntheticAnatomy | SurfaceAnatomy | MeshAnatomy
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,13 +141,30 @@ class SolverOptions:
         dt: time step of a 3D run [s].
         cycles: cardiac cycles of a 3D run.
         n_steps: samples of a cycle in 0D.
-        mesh_size: fineness of the mesh.
     """
 
     dt: float | None = None
     cycles: int | None = None
     n_steps: int | None = None
-    mesh_size: Literal["coarse", "medium", "fine"] | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshOptions:
+    """How the anatomy is meshed and in which unit the mesh is written.
+
+    Attributes:
+        preset: fineness, about 30 000, 150 000 or 500 000 tetrahedra.
+        elements_across: least number of elements across the width of the lumen, if asked for.
+        wall_layers: layers of elements through the wall.
+        backend: the mesher of volumes.
+        unit: length unit of written meshes.
+    """
+
+    preset: Literal["coarse", "medium", "fine"] = "medium"
+    elements_across: int | None = None
+    wall_layers: int = 2
+    backend: Literal["netgen", "gmsh", "tetgen"] = "netgen"
+    unit: Literal["cm", "mm"] = "cm"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,6 +183,7 @@ class Case:
         source: where the values of each table come from, by table (`condition.rest`).
         blood: the blood.
         stress: how the outlet changes under stress.
+        mesh: how the anatomy is meshed.
         notes: remarks, by table.
     """
 
@@ -235,6 +198,7 @@ class Case:
     source: dict[str, str]
     blood: BloodParameters = BloodParameters()
     stress: StressParameters = StressParameters()
+    mesh: MeshOptions = MeshOptions()
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
@@ -260,35 +224,29 @@ def read_case(path: str | os.PathLike[str]) -> Case:
 
 
 def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[str, str]]) -> Case:
-    wall, blood, solver = values["wall"], values["blood"], values["solver"]
+    wall, blood = values["wall"], values["blood"]
     wall = {"rho_s" if name == "density" else name: value for name, value in wall.items()}
-    counts = {n: None if solver[n] is None else int(solver[n]) for n in ("cycles", "n_steps")}
     return Case(
         path=file,
         id=values["patient"]["id"],
-        anatomy=_build_anatomy(values["anatomy"]),
+        anatomy=values["anatomy"],
         wall=WallParameters(**wall),
         conditions={n: Condition(name=n, **entry) for n, entry in values["condition"].items()},
         coronary=CoronaryParameters(**values["coronary"]),
         surrogate=SurrogateParameters(**values["surrogate"]),
-        solver=SolverOptions(**(solver | counts)),
+        solver=SolverOptions(**_whole(values["solver"], "cycles", "n_steps")),
         source=texts["source"],
         blood=BloodParameters(mu=blood["viscosity"], rho_f=blood["density"]),
         stress=StressParameters(**values["stress"]),
+        mesh=MeshOptions(**_whole(values["mesh"], "elements_across", "wall_layers")),
         notes=texts["notes"],
     )
 
 
-def _build_anatomy(values: Mapping[str, Any] | None) -> Anatomy | None:
-    if values is None:
-        return None
-    kinds = {
-        "ivus": IvusAnatomy,
-        "synthetic": SyntheticAnatomy,
-        "surface": SurfaceAnatomy,
-        "mesh": MeshAnatomy,
-    }
-    return kinds[values["kind"]](**values)
+def _whole(values: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    """Values with some of them as integers."""
+    counts = {name: None if values[name] is None else int(values[name]) for name in names}
+    return {**values, **counts}
 
 
 Requirement = Callable[[Case], Fault | None]
@@ -328,10 +286,50 @@ def _quadratic_loss(case: Case) -> Fault | None:
     return Fault(case.path, "surrogate.K_dyn_s2_per_cm8", None, problem, "0 or above", cure)
 
 
+def _anatomy(case: Case) -> Fault | None:
+    if case.anatomy is not None:
+        return None
+    cure = 'add [anatomy] with kind = "ivus", "synthetic", "surface" or "mesh"'
+    return Fault(case.path, "anatomy", None, "there is nothing to mesh", "", cure)
+
+
+def _ivus_key(key: str, name: str, why: str) -> Requirement:
+    """A requirement of an ivus anatomy alone."""
+
+    def missing(case: Case) -> Fault | None:
+        if not isinstance(case.anatomy, IvusAnatomy) or getattr(case.anatomy, name) is not None:
+            return None
+        cure = f"add {key} = ... below [anatomy]"
+        return Fault(case.path, f"anatomy.{key}", None, why, "", cure)
+
+    return missing
+
+
+def _tissue(case: Case) -> Fault | None:
+    anatomy = case.anatomy
+    if not isinstance(anatomy, IvusAnatomy) or anatomy.septum is not None:
+        return None
+    without = [name for name, state in anatomy.states.items() if state.frame_table is None]
+    if not without:
+        return None
+    problem = f"the tissue between aorta and coronary is not known in {', '.join(without)}"
+    cure = "add frame_table = ... with the column measurement_1, or septum_mm below [anatomy]"
+    return Fault(case.path, "anatomy.frame_table", None, problem, "", cure)
+
+
+_LINE = "the centre line is missing; it places the contours in space"
+_RADIUS = "the radius of the aorta is missing; the coronary is joined to it"
+
 REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
     "run": (_rest, _rest_ffr, _resistance, _quadratic_loss),
     "calibrate": (_rest, _rest_ffr, _resistance, _quadratic_loss),
     "sweep": (_rest, _resistance, _quadratic_loss),
+    "mesh": (
+        _anatomy,
+        _ivus_key("centerline", "centerline", _LINE),
+        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _tissue,
+    ),
 }
 """What each command needs; a new command adds its line."""
 

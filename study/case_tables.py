@@ -4,11 +4,13 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from jaxfsi.meshing.sizes import PRESETS
 from study.advice import nearest
+from study.anatomy_tables import KINDS, read_anatomy
 from study.beat import read_beat
 from study.faults import printable, shown_key
 from study.schema import FREE_TEXT, Key, Location, Quantity, Value, Word
-from study.tables import Context, read_free_texts, read_table
+from study.tables import Context, check_order, read_free_texts, read_table
 
 FFR_MEANING = (
     "FFR is mean distal over mean aortic pressure; at 1 or above there is no loss to calibrate: "
@@ -23,32 +25,6 @@ PATIENT = (
         described='a name that can be a file name: letters, digits, ". _ -", at most 64',
     ),
 )
-_LENGTH_UNIT = Word("unit", ("mm", "cm"), required=True)
-ANATOMY: dict[str, tuple[Key, ...]] = {
-    "ivus": (
-        Location("contours", required=True, described="file of tab-separated frame, x, y, z in mm"),
-        Location("centerline", described="file of the centre line"),
-        Quantity("aorta_radius", "length", "mm", 2.0, 40.0),
-    ),
-    "synthetic": (
-        Word("side", ("left", "right")),
-        Quantity("take_off_angle", "angle", "deg", 0.0, 90.0),
-        Quantity("ostium_major", "length", "mm", 0.3, 15.0),
-        Quantity("ostium_minor", "length", "mm", 0.1, 15.0),
-        Quantity("intramural_length", "length", "mm", 0.0, 40.0),
-        Quantity(
-            "hypoplasia", "number", "", 0.05, 1.0, advice="give the lumen area over the normal one"
-        ),
-    ),
-    "surface": (
-        Location("surface", required=True, described="STL or VTP file of the lumen"),
-        _LENGTH_UNIT,
-    ),
-    "mesh": (
-        Location("path", required=True, folder=True, described="mesh folder, .msh or .vtu file"),
-        _LENGTH_UNIT,
-    ),
-}
 BLOOD = (
     Quantity("viscosity", "viscosity", "poise", 0.005, 0.5, 0.04),
     Quantity("density", "density", "g_per_cm3", 0.8, 1.3, 1.06),
@@ -106,7 +82,13 @@ SOLVER = (
     Quantity("dt", "time", "s", 1.0e-7, 0.1),
     Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),
     Quantity("n_steps", "number", "", 8.0, 1.0e6, whole=True),
-    Word("mesh_size", ("coarse", "medium", "fine")),
+)
+MESH = (
+    Word("preset", tuple(PRESETS), default="medium"),
+    Quantity("elements_across", "number", "", 2.0, 24.0, whole=True),
+    Quantity("wall_layers", "number", "", 1.0, 8.0, 2.0, whole=True),
+    Word("backend", ("netgen", "gmsh", "tetgen"), default="netgen"),
+    Word("unit", ("cm", "mm"), default="cm"),
 )
 
 _PLAIN: dict[str, tuple[Key, ...]] = {
@@ -114,6 +96,7 @@ _PLAIN: dict[str, tuple[Key, ...]] = {
     "blood": BLOOD,
     "coronary": CORONARY,
     "surrogate": SURROGATE,
+    "mesh": MESH,
     "solver": SOLVER,
 }
 TABLES = ("patient", "anatomy", "blood", "wall", "condition", *_PLAIN, "stress")
@@ -127,7 +110,7 @@ def key_homes() -> dict[str, str]:
         *((f"[{name}]", keys) for name, keys in _PLAIN.items()),
         ("[wall]", WALL),
         ("[stress]", STRESS),
-        *((f'[anatomy] with kind = "{kind}"', keys) for kind, keys in ANATOMY.items()),
+        *((f'[anatomy] with kind = "{kind}"', keys) for kind, keys in KINDS.items()),
         ("[anatomy]", (Word("kind"),)),
     ]
     homes: dict[str, str] = {}
@@ -146,7 +129,7 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
 
     Returns:
         Values by name for each table, numbers in CGS; `condition` holds one such mapping for each
-        condition, `anatomy` is None where there is none.
+        condition, `anatomy` the anatomy or None.
     """
     read_free_texts(document, "file", context)
     meant = _refuse_unknown_tables(document, context)
@@ -155,7 +138,7 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
         if name in document or name not in meant:
             values[name] = read_table(document.get(name, {}), name, keys, context)
     values["anatomy"] = (
-        _read_anatomy(document["anatomy"], context) if "anatomy" in document else None
+        read_anatomy(document["anatomy"], context) if "anatomy" in document else None
     )
     values["wall"] = _read_wall(document.get("wall", {}), context)
     values["condition"] = _read_conditions(document.get("condition", {}), context)
@@ -196,20 +179,6 @@ def _refuse_unknown_tables(document: Mapping[str, Any], context: Context) -> set
     return meant
 
 
-def _read_anatomy(table: object, context: Context) -> dict[str, Value] | None:
-    if not isinstance(table, dict):
-        read_table(table, "anatomy", (), context)
-        return None
-    choice = Word("kind", tuple(ANATOMY), required=True)
-    kind = table.get("kind")
-    if not isinstance(kind, str) or kind not in ANATOMY:
-        entry = {"kind": kind} if "kind" in table else {}
-        return read_table(entry, "anatomy", (choice,), context)
-    values = read_table(table, "anatomy", (choice, *ANATOMY[kind]), context)
-    _check_order(values, "ostium_minor", "ostium_major", "anatomy", ANATOMY[kind], table, context)
-    return values
-
-
 def _read_wall(table: object, context: Context) -> dict[str, Value]:
     thickness: dict[str, Value] = {"min": None, "max": None}
     heading = "wall.thickness_per_radius"
@@ -218,7 +187,7 @@ def _read_wall(table: object, context: Context) -> dict[str, Value]:
         local = table["thickness_per_radius"]
         rest = {name: value for name, value in table.items() if name != "thickness_per_radius"}
         thickness = read_table(local, heading, THICKNESS, context)
-        _check_order(thickness, "min", "max", heading, THICKNESS, local, context)
+        check_order(thickness, "min", "max", heading, THICKNESS, local, context)
     values = read_table(rest, "wall", WALL, context)
     values["thickness_per_radius"] = thickness.get("factor", values["thickness_per_radius"])
     return values | {"thickness_min": thickness["min"], "thickness_max": thickness["max"]}
@@ -259,9 +228,7 @@ def _read_condition(name: str, table: Mapping[str, Any], context: Context) -> di
         problem = f"a condition named {printable(name)} is of kind {kind}"
         context.add(f"{heading}.kind", table["kind"], problem, cure, f'"{kind}"')
     values["kind"] = kind
-    _check_order(
-        values, "P_diastolic", "P_systolic", heading, CONDITION, table, context, apart=True
-    )
+    check_order(values, "P_diastolic", "P_systolic", heading, CONDITION, table, context, apart=True)
     path, period, P_systolic = values["waveform"], values["period"], values["P_systolic"]
     if path is not None and period is not None and P_systolic is not None:
         place = f"{heading}.waveform"
@@ -279,24 +246,3 @@ def _read_stress(table: object, context: Context) -> dict[str, Any]:
         context.add("stress.rule", table["rule"], "[stress.factors] is given as well", cure)
     factors = read_table(table["factors"], "stress.factors", STRESS_FACTORS, context)
     return {**values, "rule": "factors", "factors": factors}
-
-
-def _check_order(
-    values: Mapping[str, Any],
-    lower: str,
-    upper: str,
-    heading: str,
-    keys: Sequence[Key],
-    table: Mapping[str, Any],
-    context: Context,
-    *,
-    apart: bool = False,
-) -> None:
-    """Refuse a lower value above (with `apart`, or at) its upper one."""
-    low, high = values.get(lower), values.get(upper)
-    if low is None or high is None or low < high or (low == high and not apart):
-        return
-    key = {key.name: key.key for key in keys}
-    problem = f"not below {key[upper]} = {table[key[upper]]:g}"
-    cure = "check both values; swap them if they were exchanged"
-    context.add(f"{heading}.{key[lower]}", table[key[lower]], problem, cure, f"below {key[upper]}")

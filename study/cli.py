@@ -6,22 +6,28 @@ standard error.
 """
 
 import argparse
+import dataclasses
 import os
 import pathlib
 import sys
 from collections.abc import Sequence
 
+from study.anatomy_source import states_of
 from study.arguments import parse
 from study.cache import use_cache
-from study.case import Case, read_case
+from study.case import Case, read_case, require
 from study.demo import demo_case_path
 from study.faults import CaseError, Fault
-from study.output import OutputRefused, check_folder, write_files
+from study.mesh_case import chosen_states, coarse, coarse_mesh, mesh_states, planned_steps
+from study.mesh_results import embedded, mesh_document, stored_pictures, write_meshes
+from study.output import OutputRefused, check_folder, write_files, write_tree
 from study.pipeline import run_case
 from study.progress import Progress
 from study.provenance import provenance
 from study.report import html_report
 from study.results import (
+    MESH_FILE,
+    PAGE_FILE,
     REPORT_FILE,
     RESULT_FILE,
     Document,
@@ -93,11 +99,45 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> None:
     case, folder = _open(options)
     with Progress() as progress:
+        meshing = options.demo if options.mesh is None else options.mesh
+        if meshing:
+            progress.plan_last(planned_steps(coarse(case), states_of(case)[:1]))
         result = run_case(case, progress=progress)
+        meshes, part = coarse_mesh(case, progress) if meshing else ({}, None)
         progress.step("writing the report")
-        document = case_document(result, provenance(case, options.command_line))
-        files = {REPORT_FILE: html_report(document), RESULT_FILE: to_json(document)}
-        written = write_files(folder, files)
+        document = {**case_document(result, provenance(case, options.command_line)), "mesh": part}
+        page = html_report(document, embedded(meshes))
+        written = write_tree(
+            folder,
+            lambda part: write_meshes(part, meshes, ("vtu",), case.mesh.unit),
+            {REPORT_FILE: page, RESULT_FILE: to_json(document)},
+        )
+    _show(options, document, written)
+
+
+def _mesh(options: argparse.Namespace) -> None:
+    case, folder = _open(options)
+    require(case, "mesh")
+    given = {
+        "preset": options.preset,
+        "elements_across": options.elements_across,
+        "wall_layers": options.wall_layers,
+        "backend": options.backend,
+        "unit": options.unit,
+    }
+    chosen = {name: value for name, value in given.items() if value is not None}
+    case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, **chosen))
+    states = chosen_states(case, options.state)
+    with Progress() as progress:
+        meshes = mesh_states(case, states, progress)
+        progress.step("writing the files")
+        origin = provenance(case, options.command_line)
+        document = mesh_document(case, meshes, options.format, origin)
+        written = write_tree(
+            folder,
+            lambda part: write_meshes(part, meshes, options.format, case.mesh.unit),
+            {PAGE_FILE: html_report(document, embedded(meshes)), MESH_FILE: to_json(document)},
+        )
     _show(options, document, written)
 
 
@@ -128,7 +168,9 @@ def _show_result(options: argparse.Namespace) -> None:
     document = load_document(options.result)
     try:
         summary(document)
-        page = html_report(document) if options.out is not None else ""
+        page = ""
+        if options.out is not None:
+            page = html_report(document, _pictures_beside(options.result, document))
     except (KeyError, TypeError, IndexError, ValueError) as error:
         problem = f"a part of the result is missing or damaged: {error!r}"
         raise CaseError(
@@ -136,8 +178,16 @@ def _show_result(options: argparse.Namespace) -> None:
         ) from error
     written = []
     if options.out is not None:
-        written = write_files(check_folder(options.out), {REPORT_FILE: page})
+        name = PAGE_FILE if document["kind"] == "mesh" else REPORT_FILE
+        written = write_files(check_folder(options.out), {name: page})
     _show(options, document, written)
+
+
+def _pictures_beside(result: pathlib.Path, document: Document) -> dict[str, dict[str, str]]:
+    """Pictures of the meshes of a stored result, as they lie beside it."""
+    part = document if document["kind"] == "mesh" else document.get("mesh") or {}
+    folder = result if result.is_dir() else result.parent
+    return stored_pictures(folder, part) if "states" in part else {}
 
 
 def _template(options: argparse.Namespace) -> None:
@@ -156,6 +206,7 @@ def _template(options: argparse.Namespace) -> None:
 
 _COMMANDS = {
     "run": _run,
+    "mesh": _mesh,
     "calibrate": _calibrate,
     "sweep": _sweep,
     "show": _show_result,

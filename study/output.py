@@ -2,8 +2,9 @@
 
 import os
 import pathlib
+import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 TEMPORARY_SUFFIX = ".part"
 """Ending of a file that is still being written."""
@@ -62,6 +63,52 @@ def write_files(folder: pathlib.Path, files: Mapping[str, str]) -> list[pathlib.
                 place.rmdir()
         raise
     return list(staged.values())
+
+
+def write_tree(
+    folder: pathlib.Path, fill: Callable[[pathlib.Path], None], files: Mapping[str, str]
+) -> list[pathlib.Path]:
+    """Write files and folders, all of them or none.
+
+    Everything is first written into a temporary folder beside its place, then moved; what was
+    there under the same names is replaced. When anything fails before that, older files stay as
+    they were and the temporary folder (and the folder, if it was made here) is removed.
+
+    Args:
+        folder: where to write; made if needed.
+        fill: writes files and folders into the folder that it is given.
+        files: texts by name, written after `fill`; the last one is moved last, so that it marks a
+            complete set.
+
+    Returns:
+        The paths written, the last of `files` last.
+    """
+    missing = [place for place in (folder, *folder.absolute().parents) if not place.exists()]
+    stage: pathlib.Path | None = None
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        stage = pathlib.Path(tempfile.mkdtemp(suffix=TEMPORARY_SUFFIX, prefix=".", dir=folder))
+        fill(stage)
+        for name, text in files.items():
+            (stage / name).write_text(text, encoding="utf-8", newline="\n")
+        order = list(files)
+        made = sorted(stage.iterdir(), key=lambda path: (path.name in order, path.name))
+        made.sort(key=lambda path: order.index(path.name) if path.name in order else -1)
+        return [_moved(path, folder / path.name, stage) for path in made]
+    finally:
+        if stage is not None:
+            shutil.rmtree(stage, ignore_errors=True)
+        for place in missing:
+            if place.is_dir() and not any(place.iterdir()):
+                place.rmdir()
+
+
+def _moved(path: pathlib.Path, place: pathlib.Path, stage: pathlib.Path) -> pathlib.Path:
+    """Move a finished file or folder to its place; an old folder there makes way first."""
+    if place.is_dir() or (path.is_dir() and place.exists()):
+        os.replace(place, stage / f".old-{place.name}")
+    os.replace(path, place)
+    return place
 
 
 def _stage(folder: pathlib.Path, name: str, text: str) -> pathlib.Path:

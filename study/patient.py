@@ -21,7 +21,8 @@ from lumped import (
     sampled,
     stress_rule,
 )
-from study.case import Case, IvusAnatomy
+from study.case import Case
+from study.case_anatomy import IvusAnatomy
 from study.faults import CaseError, Fault
 
 TANGENT_DROP = 40.0 * MMHG
@@ -133,7 +134,7 @@ def read_vessel(case: Case) -> Vessel | None:
     if not isinstance(anatomy, IvusAnatomy):
         return None
     try:
-        lumen = read_ivus_contours(anatomy.contours)
+        lumen = read_ivus_contours(anatomy.contours, frame_table=anatomy.first.frame_table)
     except ValueError as error:
         problem = str(error).removeprefix(f"{anatomy.contours}: ")
         cure = "correct the file, or give R0_dyn_s_per_cm5 below [surrogate] without an anatomy"

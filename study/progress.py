@@ -37,6 +37,7 @@ class Progress:
         self._quiet, self._line_every = quiet_seconds, line_every
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._plan: list[tuple[str, float]] = []
+        self._last: list[tuple[str, float]] = []
         self._at = -1
         self._start = self._step_start = time.monotonic()
         self._spent, self._expected = 0.0, 0.0
@@ -66,7 +67,14 @@ class Progress:
     def plan(self, steps: dict[str, float]) -> None:
         """Name the steps to come, each with the seconds that it usually takes."""
         with self._lock:
-            self._plan = [*self._plan[: max(self._at, 0)], *steps.items()]
+            begun = self._plan[: max(self._at, 0)]
+            self._plan = [*begun, *steps.items(), *self._last]
+
+    def plan_last(self, steps: dict[str, float]) -> None:
+        """Name steps that come after those of every plan."""
+        with self._lock:
+            self._last = list(steps.items())
+            self._plan += self._last
 
     def step(self, name: str) -> None:
         """Begin a step of the plan; the steps before it count as done."""

@@ -10,10 +10,12 @@ import subprocess
 from collections.abc import Sequence
 from typing import Any
 
-from study.case import Case, IvusAnatomy, MeshAnatomy, SurfaceAnatomy
+from study.case import Case
+from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
 
 PACKAGES = (
     "jaxfsi", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy", "matplotlib",
+    "scipy", "mmgpy", "netgen-mesher", "meshio",
 )  # fmt: skip
 """Packages whose versions can move a number."""
 
@@ -39,16 +41,25 @@ def input_files(case: Case) -> list[pathlib.Path]:
     """The case file and every file that it names, each once."""
     files = [case.path]
     match case.anatomy:
-        case IvusAnatomy(contours=contours, centerline=centerline):
-            files += [contours, *([centerline] if centerline is not None else [])]
+        case IvusAnatomy(states=states, centerline=centerline):
+            files += [file for state in states.values() for file in state.files]
+            files += [centerline] if centerline is not None else []
         case SurfaceAnatomy(surface=surface):
             files.append(surface)
-        case MeshAnatomy(path=path):
-            files += sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
+        case MeshAnatomy(places=places):
+            files += [file for place in places for file in files_of(place)]
         case _:
             pass
     files += [c.waveform.path for c in case.conditions.values() if c.waveform is not None]
     return list(dict.fromkeys(files))
+
+
+def files_of(place: pathlib.Path) -> list[pathlib.Path]:
+    """Files of a mesh: those below its folder, or the file and the JSON beside it."""
+    if not place.is_dir():
+        beside = place.with_suffix(".json")
+        return [place, *([beside] if beside.is_file() else [])]
+    return sorted(path for path in place.rglob("*") if path.is_file())
 
 
 def sha256(path: pathlib.Path) -> str:

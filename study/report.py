@@ -8,32 +8,64 @@ import jinja2
 from markupsafe import Markup
 
 from study.figures import NAMES, figures
+from study.mesh_figures import mesh_figures
 from study.pipeline import CALIBRATED, FIXED
 from study.results import ratio_name
 
 Document = Mapping[str, Any]
 
 
-def html_report(document: Document) -> str:
-    """The report of a run as HTML, its figures inside.
+Pictures = Mapping[str, Mapping[str, str]]
+
+
+def html_report(document: Document, pictures: Pictures | None = None) -> str:
+    """The report of a run or of meshes as HTML, its figures inside.
 
     Args:
-        document: what `study.results.case_document` made, fresh or read back.
+        document: what `case_document` or `mesh_document` made, fresh or read back.
+        pictures: addresses of pictures by state and name, see `study.mesh_results.embedded`.
     """
-    text = (importlib.resources.files("study") / "templates/report.html").read_text("utf-8")
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {"sig": significant, "span": span, "signed": signed}
-    return environment.from_string(text).render(
+    if document["kind"] == "mesh":
+        return _rendered("mesh.html", d=document, meshes=list(mesh_rows(document, pictures or {})))
+    return _rendered(
+        "report.html",
         d=document,
-        fig={name: Markup(svg) for name, svg in figures(document).items()},
+        meshes=list(mesh_rows(document.get("mesh") or {}, pictures or {})),
+        fig=_safe(figures(document)),
         laws=laws(document),
         rows=list(ratio_rows(document)),
         gaps=list(gap_rows(document)),
         windkessels=list(windkessel_rows(document)),
         top=top_sensitivities(document),
     )
+
+
+def _rendered(name: str, **values: Any) -> str:
+    folder = importlib.resources.files("study") / "templates"
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=jinja2.FunctionLoader(lambda part: (folder / part).read_text("utf-8")),
+    )
+    environment.filters |= {"sig": significant, "span": span, "signed": signed}
+    return environment.get_template(name).render(**values)
+
+
+def _safe(drawn: Mapping[str, str]) -> dict[str, Markup]:
+    return {name: Markup(text) for name, text in drawn.items()}
+
+
+def mesh_rows(part: Document, pictures: Pictures) -> Iterator[dict[str, Any]]:
+    """The mesh of each state with its figures and pictures."""
+    for state, entry in part.get("states", {}).items():
+        yield {
+            **entry,
+            "fig": _safe(mesh_figures(entry)),
+            "picture": pictures.get(state, {}),
+            "seconds": sum(entry["wall_time_s"].values()),
+        }
 
 
 def laws(document: Document) -> list[str]:

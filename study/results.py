@@ -24,6 +24,7 @@ FORMAT = "jaxfsi 1"
 """Name and version of the layout; the version grows when a key changes its meaning."""
 
 RESULT_FILE, REPORT_FILE = "result.json", "report.html"
+MESH_FILE, PAGE_FILE = "mesh.json", "mesh.html"
 
 Document = dict[str, Any]
 
@@ -68,20 +69,40 @@ def to_json(document: Mapping[str, Any]) -> str:
 
 
 def without_waveforms(document: Document) -> Document:
-    """The document without its long arrays."""
-    return {name: part for name, part in document.items() if name != "waveforms"}
+    """The document without its long arrays: waveforms, and outlines of meshed lumens."""
+    short = {name: part for name, part in document.items() if name != "waveforms"}
+    if document["kind"] == "mesh":
+        return {**short, "states": _without_outlines(short["states"])}
+    mesh = short.get("mesh")
+    if mesh and "states" in mesh:
+        short["mesh"] = {**mesh, "states": _without_outlines(mesh["states"])}
+    return short
+
+
+def _without_outlines(states: Mapping[str, Document]) -> dict[str, Document]:
+    return {
+        name: {
+            **entry,
+            "sections": [
+                {key: part for key, part in section.items() if key != "outlines"}
+                for section in entry["sections"]
+            ],
+        }
+        for name, entry in states.items()
+    }
 
 
 def load_document(path: pathlib.Path) -> Document:
     """Read a document that was written before.
 
     Args:
-        path: the file, or the folder that holds `result.json`.
+        path: the file, or the folder that holds `result.json` or `mesh.json`.
 
     Raises:
         CaseError: the file cannot be read, or is no document of this layout.
     """
-    file = path / RESULT_FILE if path.is_dir() else path
+    held = [path / name for name in (RESULT_FILE, MESH_FILE) if (path / name).is_file()]
+    file = (held or [path / RESULT_FILE])[0] if path.is_dir() else path
     cure = f"give a {RESULT_FILE} that jaxfsi wrote, or the folder that holds it"
 
     def refusal(problem: str) -> CaseError:

@@ -39,6 +39,7 @@ UNITS: dict[str, dict[str, float]] = {
     "density": {"g_per_cm3": 1.0, "g_per_ml": 1.0, "kg_per_m3": 1.0e-3},
     "viscosity": {"poise": 1.0, "Pa_s": 10.0, "mPa_s": 0.01, "cP": 0.01},
     "length": {"mm": MM, "cm": 1.0, "m": 100.0, "um": 1.0e-4},
+    "body surface": {"m2": 1.0, "cm2": 1.0e-4},
     "angle": {"deg": _DEGREE, "rad": 1.0},
     "ratio": {"": 1.0, "percent": 0.01},
     "number": {"": 1.0},

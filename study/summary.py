@@ -10,7 +10,9 @@ Document = Mapping[str, Any]
 
 def summary(document: Document) -> str:
     """The document of any command in a few lines."""
-    lines = {"run": _run, "calibrate": _calibration, "sweep": _sweep}[document["kind"]]
+    lines = {"run": _run, "calibrate": _calibration, "sweep": _sweep, "mesh": _mesh}[
+        document["kind"]
+    ]
     return "\n".join(lines(document)) + "\n"
 
 
@@ -40,6 +42,13 @@ def _run(document: Document) -> Iterator[str]:
         if note["level"] == "warning":
             yield ""
             yield f"! {note['text']}"
+    mesh = document.get("mesh")
+    if mesh:
+        yield ""
+        if "failure" in mesh:
+            yield f"! no mesh was made: {mesh['failure']}"
+        else:
+            yield from _mesh({"patient": document["patient"], **mesh})
 
 
 def _calibration(document: Document) -> Iterator[str]:
@@ -74,3 +83,26 @@ def _sweep(document: Document) -> Iterator[str]:
             f"{row['alpha']:>12.5g}{row[name]:>12.4f}{row['ifr']:>10.4f}"
             f"{row['mean_flow_ml_per_min']:>14.2f}"
         )
+
+
+def _mesh(document: Document) -> Iterator[str]:
+    yield f"{document['patient']}: {document['preset']} mesh"
+    yield (
+        f"{'state':<20}{'blood':>9}{'wall':>9}{'angle deg':>11}{'area error':>12}"
+        f"{'septum ratio':>15}{'Euler':>12}{'time s':>8}"
+    )
+    for name, entry in document["states"].items():
+        quality, septum = entry["quality"], entry["fidelity"] and entry["fidelity"]["septum_ratio"]
+        tets = quality["n_tets"]
+        angle = min(m["min_dihedral_deg"]["minimum"] for m in quality["measures"].values())
+        sections = entry["sections"]
+        error = f"{100 * sections[0]['largest_error']:.2f} %" if sections else "-"
+        ratio = f"{septum['p1']:.3f}-{septum['p99']:.3f}" if septum else "-"
+        euler = ",".join(str(number) for number in entry["topology"]["euler"].values())
+        yield (
+            f"{name[:19]:<20}{tets.get('fluid', 0):>9}{tets.get('solid', 0):>9}{angle:>11.2f}"
+            f"{error:>12}{ratio:>15}{euler:>12}{sum(entry['wall_time_s'].values()):>8.1f}"
+        )
+    for note in document["notes"]:
+        yield ""
+        yield f"{'! ' if note['level'] == 'warning' else ''}{note['text']}"

@@ -9,6 +9,7 @@ import math
 import pathlib
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from study.advice import explain_wrong_unit, nearest, range_cure
 from study.faults import Fault, shown, shown_key
@@ -202,3 +203,24 @@ def _refuse_unknown(
         cure = f"remove it: {meant} = {shown(table[meant])} is given as well"
     context.add(place, value, problem, cure, allowed)
     return meant
+
+
+def check_order(
+    values: Mapping[str, Any],
+    lower: str,
+    upper: str,
+    heading: str,
+    keys: Sequence[Key],
+    table: Mapping[str, Any],
+    context: Context,
+    *,
+    apart: bool = False,
+) -> None:
+    """Refuse a lower value above (with `apart`, or at) its upper one."""
+    low, high = values.get(lower), values.get(upper)
+    if low is None or high is None or low < high or (low == high and not apart):
+        return
+    key = {key.name: key.key for key in keys}
+    problem = f"not below {key[upper]} = {table[key[upper]]:g}"
+    cure = "check both values; swap them if they were exchanged"
+    context.add(f"{heading}.{key[lower]}", table[key[lower]], problem, cure, f"below {key[upper]}")

@@ -14,12 +14,29 @@ id = "patient-01"                   # names the results: letters, digits, ". _ -
 #[anatomy]
 #kind = "ivus"                      # ivus | synthetic | surface | mesh
 #contours = "contours.csv"          # ivus: tab-separated frame, x, y, z in mm; beside this file
-#centerline = "centerline.csv"      # ivus, example
+#frame_table = "frames.csv"         # ivus, example: frame, position, measurement_1 (tissue), in mm
+#reference_point = "reference.csv"  # ivus, example: frame, x, y, z in mm, on the aortic side
+#centerline = "centerline.csv"      # ivus, example: x, y, z in mm; a mesh needs it and the radius
 #aorta_radius_mm = 14.0             # ivus, example
-# synthetic: side = "left" | "right", take_off_angle_deg, ostium_major_mm, ostium_minor_mm,
-#            intramural_length_mm, hypoplasia
-# surface:   surface = "lumen.stl", unit = "mm" | "cm"
-# mesh:      path = "mesh-complete", unit = "mm" | "cm"
+#septum_mm = 0.8                    # ivus, example: tissue where no frame table tells it
+#take_off_angle_deg = 40.0          # ivus, as the next five
+#aorta_below_mm = 20.0
+#aorta_above_mm = 20.0
+#distal_extension_mm = 5.0
+#fillet_mm = 0.6
+#ostium_end = "auto"                # auto | first | last point of the centre line
+#[anatomy.states.rest_systole]      # further pullbacks: CONDITION_diastole or CONDITION_systole
+#contours = "contours.csv"
+#frame_table = "frames.csv"
+#reference_point = "reference.csv"
+# synthetic: side = "left" | "right", body_surface_area_m2, and any of take_off_angle_deg,
+#            ostium_major_mm, ostium_minor_mm, intramural_length_mm, septum_mm, hypoplasia,
+#            ellipticity, reference_radius_mm, tube_radius_mm, ... (all of SyntheticAnatomy)
+# surface:   surface = "lumen.stl" (STL, PLY, OBJ, VTP), unit = "mm" | "cm", smoothing_steps = 10;
+#            [anatomy.openings] aorta_inlet = [x, y, z], ... names the vessel ends;
+#            [anatomy.cuts.NAME] centre, normal, radius cuts a vessel that has no flat end
+# mesh:      path = "mesh.vtu", or fluid = "..." and solid = "..." (mesh-complete folders),
+#            unit = "mm" | "cm"; [anatomy.labels] renames surface files
 
 #[blood]
 #viscosity_poise = 0.04
@@ -71,11 +88,17 @@ R0_dyn_s_per_cm5 = 5.0e3            # may be left out with an ivus anatomy
 #rule = "printed"
 # [stress.factors] takes R_1, R_2, R_3, C_a, C_im (each 1.0 where absent) in place of rule.
 
+#[mesh]
+#preset = "medium"                  # coarse | medium | fine: 30k, 150k, 500k tetrahedra
+#elements_across = 8                # example: at least so many across the narrowest width
+#wall_layers = 2
+#backend = "netgen"                 # netgen | gmsh | tetgen
+#unit = "cm"                        # of the mesh files: cm | mm
+
 #[solver]
 #dt_s = 1.0e-3                      # example: step of a 3D run
 #cycles = 4                         # example: cycles of a 3D run
 #n_steps = 1000                     # example: samples of a cycle in 0D
-#mesh_size = "coarse"               # example: coarse | medium | fine
 """
 
 

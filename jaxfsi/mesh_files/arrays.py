@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
-from jaxfsi.anatomy import Opening
 from jaxfsi.mesh import Mesh, Region
 from jaxfsi.mesh_checks import check_mesh
 from jaxfsi.mesh_files.lengths import UNITS_CM, check_extent, check_stored_unit
@@ -21,6 +20,7 @@ from jaxfsi.mesh_files.refusal import MeshFileError
 from jaxfsi.mesh_files.side_entry import SideEntry
 from jaxfsi.mesh_parts import used_nodes
 from jaxfsi.meshing.labels import find_openings, label_faces
+from jaxfsi.opening import Opening
 
 NODE_ID = "GlobalNodeID"
 _IGNORED = ("vertex", "line")

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 
 import meshio
 
-from jaxfsi.anatomy import Opening
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import reading, staged
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
+from jaxfsi.opening import Opening
 
 
 def read_vtu(

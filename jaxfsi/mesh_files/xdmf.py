@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import meshio
 
-from jaxfsi.anatomy import Opening
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
+from jaxfsi.opening import Opening
 
 
 def _need_h5py() -> None:

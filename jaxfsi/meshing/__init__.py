@@ -1,7 +1,13 @@
 """From an anatomy to a labelled, conforming mesh of blood and wall."""
 
+from jaxfsi.meshing.build import MeshReport, MeshResult, build_mesh
+from jaxfsi.meshing.fidelity import Fidelity, elements_across, mesh_fidelity
+from jaxfsi.meshing.fill import BACKENDS, Backend, Filling, fill_surfaces
+from jaxfsi.meshing.isolate import MeshingError
+from jaxfsi.meshing.isosurface import Surface
 from jaxfsi.meshing.labels import find_openings, label_faces, labelled_mesh, outward
 from jaxfsi.meshing.quality import Quality, Spread, ThroughEdges, mesh_quality, through_edges
+from jaxfsi.meshing.sizes import PRESETS
 from jaxfsi.meshing.strip import strip
 from jaxfsi.meshing.surface_topology import SurfaceTopology, enclosed_volume, surface_topology
 from jaxfsi.meshing.tet_quality import TetQuality, tet_quality

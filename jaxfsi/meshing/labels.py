@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from jaxfsi.anatomy import Opening
 from jaxfsi.faces import (
     RegionFaces,
     find_rows,
@@ -24,6 +23,7 @@ from jaxfsi.faces import (
 )
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh
 from jaxfsi.mesh_checks import place
+from jaxfsi.opening import Opening
 
 _PLANE_TOLERANCE = 1e-3  # distance of a cap node from its plane, in edges of its face
 

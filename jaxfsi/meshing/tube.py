@@ -12,11 +12,11 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from jaxfsi.anatomy import Opening
 from jaxfsi.mesh import Mesh, Region, tet_volumes
 from jaxfsi.mesh_parts import submesh
 from jaxfsi.meshing.labels import label_faces
 from jaxfsi.meshing.prisms import Section, extruded, strip_between
+from jaxfsi.opening import Opening
 
 PointMap = Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, "points 3"]]
 

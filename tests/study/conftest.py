@@ -54,5 +54,7 @@ def command():
 
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    """`jaxfsi run --demo --json`, once."""
-    return run_command("run", "--demo", "--json", folder=tmp_path_factory.mktemp("demo"))
+    """`jaxfsi run --demo --json` without its mesh, once."""
+    return run_command(
+        "run", "--demo", "--no-mesh", "--json", folder=tmp_path_factory.mktemp("demo")
+    )

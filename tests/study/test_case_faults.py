@@ -20,6 +20,7 @@ def beat_text(count: int = 40, period: float = 0.8) -> str:
 def write_case(folder: pathlib.Path, text: str | bytes = GOOD) -> pathlib.Path:
     folder.mkdir(exist_ok=True)
     (folder / "contours.csv").write_text("1\t5.3\t5.2\t0.0\n")
+    (folder / "centerline.csv").write_text("0,0,0\n")
     (folder / "empty.csv").write_text("")
     (folder / "beat.csv").write_text(beat_text())
     file = folder / "case.toml"
@@ -208,7 +209,7 @@ BAD_EDITS = {
         "[blood]\nviscosity_poise = 0.035", "", "blood", "write [blood] on a line of its own",
     ),
     "number for a free text": ('"invented"', "3", "patient.source", 'write source = "..."'),
-    "unknown choice": ('"coarse"', '"coarsest"', "solver.mesh_size", 'write "coarse"'),
+    "unknown choice": ('"coarse"', '"coarsest"', "mesh.preset", 'write "coarse"'),
     "unknown kind of anatomy": ('"ivus"', '"ct"', "anatomy.kind", '"mesh"'),
     "missing kind of anatomy": ('kind = "ivus"\n', "", "anatomy.kind", "add kind = ..."),
     "missing contours": (

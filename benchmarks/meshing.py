@@ -1,0 +1,200 @@
+"""Meshes of real, drawn and foreign anatomies: time by stage, and gates on the answer.
+
+The real patient in every state whose contours are at hand (one is bundled, the others lie in the
+reference data), twenty anatomies drawn from the published distributions, and lumen surfaces that
+other projects made. Nothing is taken from a cache; each anatomy is meshed once.
+"""
+
+import pathlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxfsi.anatomy import (
+    Anatomy,
+    ivus_anatomy,
+    sample_anatomies,
+    surface_anatomy,
+    synthetic_anatomy,
+)
+from jaxfsi.mesh import tet_volumes
+from jaxfsi.meshing.build import MeshResult, build_mesh
+from jaxfsi.meshing.section_areas import section_areas
+from lumped.units import MM
+from study import demo_case_path, read_case
+from study.anatomy_source import case_anatomy
+
+SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
+SEED = 2026
+EACH = 5
+"""Drawn anatomies of each side and age."""
+
+STAGES = ("sampling", "sizes", "remeshing", "closing", "filling", "checking")
+
+LEAST_DIHEDRAL_DEG = 5.0
+SEPTUM_ERROR = 0.10
+AREA_ERROR = 0.03
+SECONDS = {"coarse": 25.0, "medium": 60.0, "fine": 240.0}
+"""Longest time on two cores; reported, and no gate, since the machine may be shared."""
+
+
+class Item(NamedTuple):
+    """One anatomy of the benchmark: its name, and what makes it."""
+
+    name: str
+    make: Callable[[], Anatomy]
+
+
+def items() -> Iterator[Item]:
+    """All anatomies that are at hand."""
+    yield from _patient()
+    for side in ("left", "right"):
+        for k, age in enumerate(("adult", "paediatric")):
+            drawn = sample_anatomies((SEED, k), EACH, side=side, age=age)
+            for number, parameters in enumerate(drawn, start=1):
+                name = f"{side} {age} {number}"
+                yield Item(name, lambda parameters=parameters: synthetic_anatomy(parameters))
+    yield from _surfaces()
+
+
+def _patient() -> Iterator[Item]:
+    yield Item("patient rest diastole", lambda: case_anatomy(read_case(demo_case_path())))
+    folder = SHARED_DATA / "ivus_aaoca"
+    if not folder.is_dir():
+        return
+    for drug, condition in (("rest", "rest"), ("stress", "dobutamine")):
+        for phase in ("diastole", "systole"):
+            if (drug, phase) != ("rest", "diastole"):
+                name = f"{condition} {phase}"
+                yield Item(f"patient {name}", lambda d=drug, p=phase, n=name: _state(d, p, n))
+
+
+def _state(drug: str, phase: str, name: str) -> Anatomy:
+    folder = SHARED_DATA / "ivus_aaoca"
+    pullback = folder / f"ivus_{drug}"
+    adjective = phase[:-1] + "ic"
+    return ivus_anatomy(
+        pullback / f"{adjective}_contours.csv",
+        folder / "centerline_raw.csv",
+        frame_table=pullback / "combined_sorted_manual.csv",
+        reference=pullback / f"{adjective}_reference_points.csv",
+        state=name,
+        aorta_radius=14.0 * MM,
+    )
+
+
+def _surfaces() -> Iterator[Item]:
+    """Two lumen surfaces from the test cases of svFSI."""
+    folder = SHARED_DATA / "svfsi-tests"
+    for name, place in (
+        ("surface pipe3d_rcr", "pipe3d_rcr/mesh-complete"),
+        ("surface pipe_prestress", "pipe_prestress/lumen_mesh-complete"),
+    ):
+        file = folder / place / "mesh-complete.exterior.vtp"
+        if file.is_file():
+            yield Item(name, lambda file=file: surface_anatomy(file, unit="cm"))
+
+
+def run(rounds: int = 1, preset: str = "medium") -> dict[str, Any]:
+    """Mesh every anatomy once.
+
+    Args:
+        rounds: not used: a mesh is made once.
+        preset: fineness of the meshes.
+
+    Returns:
+        {"name", "rows", "notes", "passed"}, ready for JSON.
+    """
+    rows = []
+    for item in items():
+        print(f"  {item.name} ...", end=" ", file=sys.stderr, flush=True)
+        rows.append(_row(item, preset))
+        print(rows[-1]["gates"], f"{rows[-1]['total_s']:.0f} s", file=sys.stderr, flush=True)
+    passed = all(row["gates"] == "passed" for row in rows)
+    return {"name": f"meshing, {preset}", "rows": rows, "notes": _notes(rows, preset),
+            "passed": passed}  # fmt: skip
+
+
+def _row(item: Item, preset: str) -> dict[str, Any]:
+    start = time.perf_counter()
+    row: dict[str, Any] = {"anatomy": item.name}
+    try:
+        anatomy = item.make()
+        row["anatomy_s"] = time.perf_counter() - start
+        result = build_mesh(anatomy, preset=preset)
+    except (ValueError, RuntimeError) as error:
+        failed = " ".join(str(error).split())[:160]
+        return row | {"total_s": time.perf_counter() - start, "gates": f"no mesh: {failed}"}
+    total = time.perf_counter() - start
+    row |= {f"{stage}_s": result.report.wall_time_s.get(stage, 0.0) for stage in STAGES}
+    row |= {"total_s": total, "retries": len(result.report.retries), **_answer(result, anatomy)}
+    return row | {"gates": ", ".join(_failed_gates(row)) or "passed"}
+
+
+def _answer(result: MeshResult, anatomy: Anatomy) -> dict[str, Any]:
+    """What the mesh is like, in numbers."""
+    mesh, report = result
+    wall, septum = report.fidelity.wall_ratio, report.fidelity.septum_ratio
+    vessel = "anomalous" if "anomalous" in anatomy.centerlines else "aorta"
+    areas = section_areas(mesh, anatomy, vessel=vessel)
+    euler = report.topology.euler
+    return {
+        "tets": len(mesh.tets),
+        "inverted": int(np.sum(tet_volumes(mesh.points, mesh.tets) <= 0.0)),
+        "min_dihedral_deg": report.quality.min_dihedral_deg,
+        "euler": " ".join(f"{name} {number}" for name, number in euler.items()),
+        "faults": len(report.topology.faults),
+        "wall_error_p98": _worst(wall),
+        "septum_error_p98": _worst(septum),
+        "septum_error_max": _worst(septum, every=True),
+        "area_error_max": areas.largest_error,
+        "through_edges": sum(report.quality.through_edges),
+    }  # fmt: skip
+
+
+def _worst(ratio: Any, *, every: bool = False) -> float | None:
+    """Largest error of a ratio in 98 % of places, or in all of them."""
+    if ratio is None:
+        return None
+    low, high = (ratio.minimum, ratio.maximum) if every else (ratio.p1, ratio.p99)
+    return max(1.0 - low, high - 1.0)
+
+
+def _failed_gates(row: dict[str, Any]) -> Iterator[str]:
+    """Names of the gates that a mesh does not pass."""
+    if row["inverted"]:
+        yield "inverted elements"
+    if row["faults"]:
+        yield "topology"
+    if row["min_dihedral_deg"] < LEAST_DIHEDRAL_DEG:
+        yield "dihedral angle"
+    if row["septum_error_p98"] is not None and row["septum_error_p98"] > SEPTUM_ERROR:
+        yield "septum"
+    if row["anatomy"].startswith("patient") and not row["area_error_max"] <= AREA_ERROR:
+        yield "lumen areas"
+
+
+def _notes(rows: list[dict[str, Any]], preset: str) -> list[str]:
+    made = [row for row in rows if "tets" in row]
+    notes = [
+        f"{sum(row['gates'] == 'passed' for row in rows)} of {len(rows)} anatomies pass all gates:"
+        f" no inverted element, Euler numbers and volumes as expected, dihedral angles from"
+        f" {LEAST_DIHEDRAL_DEG:g} degrees, tissue between the lumens within {SEPTUM_ERROR:.0%} in"
+        f" 98 % of places, lumen areas of the patient within {AREA_ERROR:.0%} at every frame",
+    ]
+    if made:
+        slowest = max(made, key=lambda row: row["total_s"])
+        late = sum(row["total_s"] > SECONDS[preset] for row in made)
+        notes.append(
+            f"slowest: {slowest['anatomy']}, {slowest['total_s']:.0f} s; {late} of {len(made)} take"
+            f" longer than {SECONDS[preset]:g} s"
+        )
+        smallest = min(made, key=lambda row: row["min_dihedral_deg"])
+        notes.append(
+            f"smallest dihedral angle: {smallest['min_dihedral_deg']:.2f} degrees,"
+            f" {smallest['anatomy']}"
+        )
+    return notes

@@ -1,0 +1,190 @@
+"""Cross-sections of an anomalous coronary from ultrasound, turned to face the aorta.
+
+A pullback gives contours in the coordinates of the catheter. Only their shape means something: the
+catheter lies anywhere in the lumen, so each contour is taken about its own centroid, and turned so
+that u points away from the aorta and v runs along its wall, u × v downstream. Which way the aorta
+lies follows from the contour where it is a slit, because a slit lies flat on the aorta; round
+contours, which have no direction of their own, take the direction between their neighbours. Of the
+two sides of a slit the reference point, marked by the reader in the aortic wall, picks one.
+
+The direction of a slit is the axis of its second moments: tan 2ψ = 2 S_xy/(S_xx − S_yy) with
+S = Σ (p − c)(p − c)ᵀ over the outline.
+"""
+
+import csv
+import os
+import pathlib
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jaxfsi.contours import read_ivus_contours
+from lumped.units import MM
+
+_DIRECTED_ELLIPTICITY = 1.25
+_THICKNESS_COLUMN = "measurement_1"
+_THICKNESS_RANGE_MM = (0.05, 10.0)
+
+
+class Pullback(NamedTuple):
+    """Cross-sections from the ostium downstream, each in the frame (u, v) of the aortic wall.
+
+    Attributes:
+        s: distance of each section from the ostium [cm].
+        sections: points of each section about its centroid [cm]: u away from the aorta, v along
+            its wall; anticlockwise.
+        septum: tissue measured between the aortic and the coronary lumen [cm]; nan where none was
+            measured.
+        side_known: whether a reference point told on which side the aorta lies.
+    """
+
+    s: Float[np.ndarray, " frames"]
+    sections: Float[np.ndarray, "frames points 2"]
+    septum: Float[np.ndarray, " frames"]
+    side_known: bool
+
+
+def read_pullback(
+    contours: str | os.PathLike[str],
+    *,
+    frame_table: str | os.PathLike[str] | None = None,
+    reference: str | os.PathLike[str] | None = None,
+) -> Pullback:
+    """Read a pullback and turn its sections to face the aorta.
+
+    Args:
+        contours: tab-separated points (frame, x, y, z in mm), see `read_ivus_contours`.
+        frame_table: comma-separated table of frames with ``frame``, ``position`` [mm] and
+            ``measurement_1``, the tissue between aorta and coronary lumen [mm], empty where not
+            measured. Without it frames keep their order along z and no tissue is known.
+        reference: one tab-separated line (frame, x, y, z in mm): a point on the aortic side of
+            that frame. Without it the side is chosen arbitrarily (slits are nearly symmetric).
+
+    Raises:
+        ValueError: a file cannot be read as described; file, line and value are named.
+    """
+    lumen = read_ivus_contours(contours, frame_table=frame_table)
+    points = np.asarray(lumen.contours)
+    numbers = _frame_numbers(pathlib.Path(contours))
+    septum = np.full(len(numbers), np.nan)
+    if frame_table is None:
+        numbers = numbers[::-1]
+    else:
+        position, thickness = _thicknesses(pathlib.Path(frame_table))
+        numbers = np.array(sorted(numbers, key=lambda number: position[number]))
+        septum = np.array([thickness[number] for number in numbers]) * MM
+    centroids = polygon_centroids(points)
+    centred = points - centroids[:, None]
+    towards = _aortic_directions(centred, np.asarray(lumen.s))
+    if reference is not None:
+        number, point = _reference_point(pathlib.Path(reference), numbers)
+        k = int(np.flatnonzero(numbers == number)[0])
+        if (point - centroids[k]) @ towards[k] < 0.0:
+            towards = -towards
+    along = np.stack([-towards[:, 1], towards[:, 0]], axis=1)
+    # The image plane (x, y) with z, which grows towards the ostium, is right-handed; so is
+    # (u, v) with the downstream direction.
+    u = -np.einsum("fpi,fi->fp", centred, towards)
+    v = np.einsum("fpi,fi->fp", centred, along)
+    sections = np.stack([u, v], axis=2)[:, ::-1]
+    return Pullback(np.asarray(lumen.s), sections, septum, reference is not None)
+
+
+def polygon_centroids(
+    polygons: Float[np.ndarray, "frames points 2"],
+) -> Float[np.ndarray, "frames 2"]:
+    """Centroid of the area of each closed polygon [cm]."""
+    origin = polygons[:, :1]
+    points = polygons - origin
+    following = np.roll(points, -1, axis=1)
+    cross = points[..., 0] * following[..., 1] - points[..., 1] * following[..., 0]
+    weighted = np.sum((points + following) * cross[..., None], axis=1)
+    return origin[:, 0] + weighted / (3.0 * np.sum(cross, axis=1))[:, None]
+
+
+def polygon_areas(
+    polygons: Float[np.ndarray, "frames points 2"],
+) -> Float[np.ndarray, " frames"]:
+    """Signed area of each closed polygon [cm²], positive where it runs anticlockwise."""
+    points = polygons - polygons[:, :1]
+    following = np.roll(points, -1, axis=1)
+    cross = points[..., 0] * following[..., 1] - points[..., 1] * following[..., 0]
+    return np.sum(cross, axis=1) / 2.0
+
+
+def _aortic_directions(
+    centred: Float[np.ndarray, "frames points 2"], s: Float[np.ndarray, " frames"]
+) -> Float[np.ndarray, "frames 2"]:
+    """Unit vector across each slit; of the two, the one that turns least from frame to frame."""
+    moments = np.einsum("fpi,fpj->fij", centred, centred)
+    values, vectors = np.linalg.eigh(moments)
+    ellipticity = np.sqrt(values[:, 1] / values[:, 0])
+    directed = np.flatnonzero(ellipticity >= _DIRECTED_ELLIPTICITY)
+    if len(directed) == 0:
+        directed = np.array([int(np.argmax(ellipticity))])
+    across = vectors[directed, :, 0]
+    angle = np.unwrap(np.arctan2(across[:, 1], across[:, 0]), period=np.pi)
+    angles = np.interp(s, s[directed], angle)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def _rows(path: pathlib.Path, delimiter: str) -> list[list[str]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be opened ({error.strerror}). Check the path.") from error
+    return [line.split(delimiter) for line in text.splitlines() if line.strip()]
+
+
+def _frame_numbers(path: pathlib.Path) -> Int[np.ndarray, " frames"]:
+    """Frame numbers in the order of the file, which `read_ivus_contours` has checked."""
+    column = np.array([int(float(row[0])) for row in _rows(path, "\t")])
+    _, first = np.unique(column, return_index=True)
+    return column[np.sort(first)]
+
+
+def _thicknesses(path: pathlib.Path) -> tuple[dict[int, float], dict[int, float]]:
+    """Position and tissue thickness [mm] of each frame of the table."""
+    position: dict[int, float] = {}
+    thickness: dict[int, float] = {}
+    faults: list[str] = []
+    low, high = _THICKNESS_RANGE_MM
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        reader = csv.DictReader(file)
+        for row in reader:
+            number = int(float(row["frame"]))
+            position[number] = float(row["position"])
+            text = (row.get(_THICKNESS_COLUMN) or "").strip()
+            try:
+                thickness[number] = float(text) if text else np.nan
+            except ValueError:
+                faults.append(f"line {reader.line_num}: {_THICKNESS_COLUMN} {text!r}")
+                continue
+            if text and not low <= thickness[number] <= high:
+                faults.append(f"line {reader.line_num}: {_THICKNESS_COLUMN} = {text} mm")
+    if faults:
+        raise ValueError(
+            f"{path}: {'; '.join(faults)}. The tissue between aorta and lumen must be a number"
+            f" within {low:g}..{high:g} mm, or empty."
+        )
+    return position, thickness
+
+
+def _reference_point(
+    path: pathlib.Path, numbers: Int[np.ndarray, " frames"]
+) -> tuple[int, Float[np.ndarray, " 2"]]:
+    rows = _rows(path, "\t")
+    hint = "Expected one line: frame number, x, y, z in mm, separated by tabs."
+    if len(rows) != 1 or len(rows[0]) != 4:
+        raise ValueError(f"{path}: {len(rows)} lines instead of one reference point. {hint}")
+    try:
+        number, x, y, _ = (float(field) for field in rows[0])
+    except ValueError as error:
+        raise ValueError(f"{path}: {rows[0]} is not four numbers. {hint}") from error
+    if number not in numbers:
+        raise ValueError(
+            f"{path}: frame {number:g} is not among the contours."
+            " Use the reference point of the same pullback."
+        )
+    return int(number), np.array([x, y]) * MM

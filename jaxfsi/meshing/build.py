@@ -1,0 +1,266 @@
+"""From an anatomy to a labelled conforming mesh of blood and wall, in one call.
+
+The stages: sample L and W on a lattice, extract both surfaces, choose element sizes, remesh, cut
+at the openings, remesh, project onto L = 0 and W = 0, close by caps, fill with tetrahedra,
+improve, label, check. A mesh that does not pass the checks is made again with a finer lattice,
+smaller elements and a closer fit.
+"""
+
+import dataclasses
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxfsi.anatomy import Anatomy
+from jaxfsi.mesh import Mesh
+from jaxfsi.mesh_parts import reordered
+from jaxfsi.meshing.clipping import (
+    ClippedSurface,
+    clip,
+    find_loops,
+    flatten_loops,
+    on_planes,
+)
+from jaxfsi.meshing.complex import Complex, assemble, check_complex
+from jaxfsi.meshing.demands import Request, check_demands
+from jaxfsi.meshing.fidelity import Fidelity, mesh_fidelity
+from jaxfsi.meshing.fill import fill_complex
+from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
+from jaxfsi.meshing.isosurface import Surface, extract_surface
+from jaxfsi.meshing.labels import label_faces
+from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
+from jaxfsi.meshing.projection import project
+from jaxfsi.meshing.quality import Quality, mesh_quality
+from jaxfsi.meshing.remesh import remesh_surfaces
+from jaxfsi.meshing.sizes import PRESETS, SizeField, choose_sizes, sample_surface
+from jaxfsi.meshing.topology import TopologyReport, check_topology
+
+Progress = Callable[[str, float], None]
+
+LEAST_DIHEDRAL_DEG = 5.0
+_LEAST_TRIANGLE_QUALITY = 0.15
+_NAMES = ("lumen", "wall")
+
+
+class Attempt(NamedTuple):
+    """Settings of one attempt.
+
+    Attributes:
+        lattice: how finely the anatomy is sampled.
+        deviation: of remeshed surfaces before they are projected, over the smallest element.
+        refinement: number of tetrahedra aimed at, over that of the preset.
+    """
+
+    lattice: LatticeSettings
+    deviation: float
+    refinement: float
+
+
+ATTEMPTS = (
+    Attempt(LatticeSettings(), 1.0, 1.0),
+    Attempt(LatticeSettings().finer(), 0.4, 1.4),
+    Attempt(LatticeSettings().finer().finer(), 0.15, 2.0),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshReport:
+    """What a mesh is like and how it was made.
+
+    Attributes:
+        topology: Euler numbers, components, volumes.
+        quality: shape of elements, layers, thickness, areas.
+        fidelity: thickness and resolution against the anatomy.
+        wall_time_s: wall time of each stage of the attempt that succeeded [s].
+        retries: why earlier attempts were given up.
+        settings: what was asked for.
+    """
+
+    topology: TopologyReport
+    quality: Quality
+    fidelity: Fidelity
+    wall_time_s: dict[str, float]
+    retries: tuple[str, ...]
+    settings: dict[str, object]
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain values for a JSON file."""
+        return {
+            "settings": self.settings,
+            "topology": self.topology.to_dict(),
+            "quality": self.quality.to_dict(),
+            "fidelity": self.fidelity.to_dict(),
+            "wall_time_s": self.wall_time_s,
+            "retries": list(self.retries),
+        }
+
+
+class MeshResult(NamedTuple):
+    """A mesh and what is known of it."""
+
+    mesh: Mesh
+    report: MeshReport
+
+
+class _Stages:
+    """Times stages and tells of their beginning."""
+
+    _SHARES = (
+        ("sampling", 0.0),
+        ("sizes", 0.15),
+        ("remeshing", 0.2),
+        ("closing", 0.3),
+        ("filling", 0.35),
+        ("checking", 0.9),
+    )
+
+    def __init__(self, progress: Progress | None):
+        self.progress = progress
+        self.wall_time_s: dict[str, float] = {}
+        self.current: str | None = None
+        self.since = 0.0
+
+    def enter(self, stage: str) -> None:
+        self.leave()
+        self.current, self.since = stage, time.perf_counter()
+        if self.progress is not None:
+            self.progress(stage, dict(self._SHARES)[stage])
+
+    def leave(self) -> None:
+        if self.current is not None:
+            self.wall_time_s[self.current] = time.perf_counter() - self.since
+        self.current = None
+
+
+def build_mesh(
+    anatomy: Anatomy,
+    *,
+    preset: str = "medium",
+    elements_across: int | None = None,
+    wall_layers: int = 2,
+    backend: str = "netgen",
+    progress: Progress | None = None,
+) -> MeshResult:
+    """Mesh the blood and the wall of an anatomy.
+
+    Args:
+        anatomy: implicit lumen and wall with openings.
+        preset: ``coarse``, ``medium`` or ``fine``: about 30 000, 150 000 or 500 000 tetrahedra.
+        elements_across: least number of elements across the width of the lumen (the minor axis of
+            a slit); the mesh grows beyond its preset where this asks for it.
+        wall_layers: layers of tetrahedra through the wall; 2 by splitting, more by smaller
+            elements, 1 leaves what the size gives.
+        backend: ``netgen``, or ``gmsh`` or ``tetgen`` where they are installed.
+        progress: called with each stage and the share of the work before it.
+
+    Returns:
+        The mesh, in an order that keeps neighbours close, and its report.
+
+    Raises:
+        ValueError: the request or the anatomy cannot be meshed at all.
+        MeshingError: no attempt gave a mesh that passes the checks.
+    """
+    request = Request(preset, elements_across, wall_layers, backend)
+    check_demands(anatomy, request, smallest=ATTEMPTS[-1].lattice.smallest)
+    faults: list[str] = []
+    for attempt in ATTEMPTS:
+        stages = _Stages(progress)
+        try:
+            mesh, topology, quality, fidelity = _attempted(anatomy, attempt, request, stages)
+        except NotInstalledError:
+            raise
+        except MeshingError as error:
+            faults.append(str(error))
+            continue
+        report = MeshReport(
+            topology, quality, fidelity, stages.wall_time_s, tuple(faults), request._asdict()
+        )
+        return MeshResult(mesh, report)
+    raise MeshingError(
+        f"{anatomy.name!r} was not meshed in {len(ATTEMPTS)} attempts, the last at finer settings:"
+        f" {faults[-1]}"
+    )
+
+
+def _attempted(
+    anatomy: Anatomy, attempt: Attempt, request: Request, stages: _Stages
+) -> tuple[Mesh, TopologyReport, Quality, Fidelity]:
+    complex_, field = _surfaces(anatomy, attempt, request, stages)
+    stages.enter("filling")
+    layers = request.wall_layers > 1
+    filled = fill_complex(complex_, field, backend=request.backend, layers=layers)
+    stages.enter("checking")
+    mesh = _labelled(anatomy, *filled)
+    topology, quality = _passed(mesh)
+    fidelity = mesh_fidelity(mesh, anatomy)
+    stages.leave()
+    return mesh, topology, quality, fidelity
+
+
+def _surfaces(
+    anatomy: Anatomy,
+    attempt: Attempt,
+    request: Request,
+    stages: _Stages,
+) -> tuple[Complex, SizeField]:
+    functions = (anatomy.lumen, anatomy.wall)
+    stages.enter("sampling")
+    lattice = sample_lattice(anatomy, attempt.lattice)
+    surfaces = [
+        extract_surface(lattice.points, lattice.tets, values, f)
+        for values, f in zip((lattice.lumen, lattice.wall), functions, strict=True)
+    ]
+    stages.enter("sizes")
+    field = choose_sizes(
+        sample_surface(anatomy, surfaces[0]),
+        target=round(attempt.refinement * PRESETS[request.preset]),
+        elements_across=request.elements_across,
+        wall_layers=request.wall_layers,
+    )
+    deviation = attempt.deviation * min(float(sizes.min()) for sizes in field.sizes)
+    stages.enter("remeshing")
+    surfaces = remesh_surfaces(surfaces, field, deviation=deviation)
+    surfaces = [
+        clip(surface, anatomy.openings, what=name).surface
+        for surface, name in zip(surfaces, _NAMES, strict=True)
+    ]
+    surfaces = remesh_surfaces(surfaces, field, deviation=deviation)
+    stages.enter("closing")
+    lumen, wall = (_projected(surface, anatomy, i) for i, surface in enumerate(surfaces))
+    complex_ = assemble(anatomy, lumen, wall, field, wall_layers=request.wall_layers)
+    check_complex(complex_, anatomy, least_quality=_LEAST_TRIANGLE_QUALITY)
+    return complex_, field
+
+
+def _projected(surface: Surface, anatomy: Anatomy, which: int) -> ClippedSurface:
+    loops = find_loops(surface, anatomy.openings, what=_NAMES[which])
+    clipped = flatten_loops(ClippedSurface(surface, loops), anatomy.openings)
+    f = (anatomy.lumen, anatomy.wall)[which]
+    planes = on_planes(clipped, anatomy.openings)
+    return ClippedSurface(project(clipped.surface, f, plane_normals=planes), loops)
+
+
+def _labelled(anatomy: Anatomy, points: np.ndarray, tets: np.ndarray, region: np.ndarray) -> Mesh:
+    try:
+        mesh = label_faces(points, tets, region, anatomy.openings)
+    except ValueError as error:
+        raise MeshingError(str(error)) from error
+    meta = {"anatomy": anatomy.name, **anatomy.meta}
+    return dataclasses.replace(reordered(mesh), node_ids=None, meta=meta)
+
+
+def _passed(mesh: Mesh) -> tuple[TopologyReport, Quality]:
+    topology = check_topology(mesh)
+    try:
+        topology.raise_faults()
+    except ValueError as error:
+        raise MeshingError(str(error)) from error
+    quality = mesh_quality(mesh)
+    if quality.min_dihedral_deg < LEAST_DIHEDRAL_DEG:
+        raise MeshingError(
+            f"the smallest dihedral angle is {quality.min_dihedral_deg:.2g} degrees, less than"
+            f" {LEAST_DIHEDRAL_DEG:g}. Use a finer preset, or a lumen without sharp corners."
+        )
+    return topology, quality

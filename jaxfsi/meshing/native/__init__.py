@@ -1,0 +1,1 @@
+"""Adapters of native meshers, each a file that a child process loads on its own."""

@@ -1,0 +1,213 @@
+"""From the anatomy of a case to an anatomy that can be meshed, or to the mesh that it names.
+
+Nothing is computed here: each kind is handed to its source in `jaxfsi`, and what that refuses
+becomes a fault of the case file.
+"""
+
+import dataclasses
+import math
+import pathlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+import jaxfsi.anatomy as sources
+from jaxfsi import Mesh
+from jaxfsi.anatomy import Anatomy, Cut, IvusOptions, SurfaceOptions
+from jaxfsi.anatomy import SyntheticAnatomy as Parameters
+from jaxfsi.mesh_files import read_mesh, read_mesh_complete
+from lumped.units import MM
+from study.case import Case, WallParameters
+from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy, SyntheticAnatomy
+from study.faults import CaseError, Fault
+
+_CLINICAL = {"cm": ("mm", 1.0 / MM), "rad": ("deg", 180.0 / math.pi)}
+
+
+def states_of(case: Case) -> tuple[str, ...]:
+    """Names of the states that can be meshed: those of the contours, else the kind alone."""
+    if case.anatomy is None:
+        return ()
+    if isinstance(case.anatomy, IvusAnatomy):
+        return tuple(case.anatomy.states)
+    return (case.anatomy.kind,)
+
+
+def case_anatomy(case: Case, state: str | None = None) -> Anatomy:
+    """The anatomy of a case in one state, ready to be meshed.
+
+    Args:
+        case: a case with an anatomy of kind ivus, synthetic or surface.
+        state: one of `states_of`; None is the first.
+
+    Raises:
+        CaseError: the source refuses its input; the fault names file, cause and cure.
+        ValueError: the case has nothing to mesh, or no such state.
+    """
+    state = _known_state(case, state)
+    match case.anatomy:
+        case IvusAnatomy():
+            anatomy = _ivus(case, case.anatomy, state)
+        case SyntheticAnatomy():
+            anatomy = _synthetic(case, case.anatomy)
+        case SurfaceAnatomy():
+            anatomy = _surface(case, case.anatomy)
+        case _:
+            raise ValueError("the case names a finished mesh. Read it with case_mesh.")
+    _check_thickness(case, anatomy)
+    return anatomy
+
+
+def case_mesh(case: Case) -> Mesh:
+    """The finished mesh that a case names.
+
+    Raises:
+        CaseError: the mesh cannot be read; the fault names file, cause and cure.
+        ValueError: the case names no mesh.
+    """
+    anatomy = case.anatomy
+    if not isinstance(anatomy, MeshAnatomy):
+        raise ValueError("the case names no finished mesh. Build one from case_anatomy.")
+    with _refusal(anatomy.places[0]):
+        if anatomy.path is not None and not anatomy.path.is_dir():
+            return read_mesh(anatomy.path, unit=anatomy.unit)
+        fluid, solid = _folders(anatomy)
+        return read_mesh_complete(fluid, solid, unit=anatomy.unit, labels=anatomy.labels)
+
+
+def _known_state(case: Case, state: str | None) -> str:
+    states = states_of(case)
+    if not states or (state is not None and state not in states):
+        known = ", ".join(states) or "none"
+        raise ValueError(f"the case has no state {state!r} to mesh. Choose one of: {known}.")
+    return states[0] if state is None else state
+
+
+def _folders(anatomy: MeshAnatomy) -> tuple[pathlib.Path | None, pathlib.Path | None]:
+    """Folders of blood and wall; a folder that holds neither is that of the blood."""
+    if anatomy.path is None:
+        return anatomy.fluid, anatomy.solid
+    fluid, solid = (anatomy.path / name for name in ("fluid", "solid"))
+    if not fluid.is_dir() and not solid.is_dir():
+        return anatomy.path, None
+    return (fluid if fluid.is_dir() else None), (solid if solid.is_dir() else None)
+
+
+def _ivus(case: Case, anatomy: IvusAnatomy, state: str) -> Anatomy:
+    files = anatomy.states[state]
+    assert anatomy.centerline is not None
+    assert anatomy.aorta_radius is not None
+    angle = anatomy.take_off_angle
+    given = {
+        "aorta_below": anatomy.aorta_below,
+        "aorta_above": anatomy.aorta_above,
+        "take_off_angle_deg": None if angle is None else math.degrees(angle),
+        "distal_extension": anatomy.distal_extension,
+        "fillet": anatomy.fillet,
+        "ostium_end": anatomy.ostium_end,
+        **_thickness(case.wall),
+    }
+    options = IvusOptions(**{name: value for name, value in given.items() if value is not None})
+    with _refusal(files.contours):
+        return sources.ivus_anatomy(
+            files.contours,
+            anatomy.centerline,
+            frame_table=files.frame_table,
+            reference=files.reference_point,
+            state=state,
+            aorta_radius=anatomy.aorta_radius,
+            septum=anatomy.septum,
+            options=options,
+        )
+
+
+def _synthetic(case: Case, anatomy: SyntheticAnatomy) -> Anatomy:
+    usual = Parameters(side=anatomy.side)
+    if anatomy.body_surface_area_m2 is not None:
+        usual = sources.scaled_anatomy(usual, anatomy.body_surface_area_m2)
+    given = {name: value for name, value in _thickness(case.wall).items() if value is not None}
+    parameters = dataclasses.replace(usual, **{**given, **anatomy.given})
+    faults = sources.parameter_faults(parameters)
+    if faults:
+        raise CaseError([_parameter_fault(case, fault) for fault in faults])
+    with _refusal(case.path):
+        return sources.synthetic_anatomy(parameters)
+
+
+def _parameter_fault(case: Case, fault: sources.ParameterFault) -> Fault:
+    """A fault of the parameters, which are in cm and rad, as one of the file."""
+    unit = sources.PARAMETER_RANGES.get(fault.name, (0.0, 0.0, ""))[2]
+    clinical, factor = _CLINICAL.get(unit, ("", 1.0))
+    key = f"{fault.name}_{clinical}" if clinical else fault.name
+    table = "wall.thickness_per_radius" if fault.name.startswith("thickness_") else "anatomy"
+    value = fault.value * factor if isinstance(fault.value, float) else fault.value
+    problem = "does not fit the other parameters"
+    return Fault(case.path, f"{table}.{key}", value, problem, fault.allowed, fault.cure)
+
+
+def _surface(case: Case, anatomy: SurfaceAnatomy) -> Anatomy:
+    given = {"smoothing_steps": anatomy.smoothing_steps, **_thickness(case.wall)}
+    options = SurfaceOptions(**{name: value for name, value in given.items() if value is not None})
+    cuts = {n: Cut(cut.centre, cut.normal, cut.radius) for n, cut in anatomy.cuts.items()}
+    with _refusal(anatomy.surface):
+        return sources.surface_anatomy(
+            anatomy.surface,
+            unit=anatomy.unit,
+            names=anatomy.openings or None,
+            cuts=cuts or None,
+            options=options,
+        )
+
+
+def _thickness(wall: WallParameters) -> dict[str, float | None]:
+    """Thickness of the wall as the sources name it; None where their own limit is meant."""
+    return {
+        "thickness_per_radius": wall.thickness_per_radius,
+        "thickness_minimum": wall.thickness_min,
+        "thickness_maximum": wall.thickness_max,
+    }
+
+
+def _check_thickness(case: Case, anatomy: Anatomy) -> None:
+    """Refuse a wall that is thicker than the radius of the vessel at an opening."""
+    centres = np.array([opening.centre for opening in anatomy.openings])
+    thickness = np.asarray(anatomy.thickness(centres))
+    radius = np.asarray(anatomy.local_radius(centres))
+    faults = [
+        Fault(
+            case.path,
+            "wall.thickness_per_radius",
+            case.wall.thickness_per_radius,
+            f"the wall would be {wall / MM:.3g} mm thick at {opening.name}, more than the radius"
+            f" of the lumen there, {size / MM:.3g} mm",
+            "",
+            "lower the factor, or min_mm of the table thickness_per_radius",
+        )
+        for opening, wall, size in zip(anatomy.openings, thickness, radius, strict=True)
+        if wall > size
+    ]
+    if faults:
+        raise CaseError(faults[:1])
+
+
+@contextmanager
+def _refusal(file: pathlib.Path) -> Iterator[None]:
+    """Turn the refusal of a source into a fault of the file that it concerns."""
+    try:
+        yield
+    except CaseError:
+        raise
+    except ValueError as error:
+        raise CaseError([file_fault(file, error)]) from error
+
+
+def file_fault(file: pathlib.Path, error: Exception) -> Fault:
+    """An error in two parts, "what happened. What to try.", as a fault of a file."""
+    text = " ".join(str(error).split())
+    for place in (f"{file}: ", f"{file} "):
+        text = text.removeprefix(place)
+    problem, _, cure = text.rstrip(".").rpartition(". ")
+    if not problem:
+        problem, cure = cure, "correct the file, or what the case says of it"
+    return Fault(file, "", None, problem, "", cure[:1].lower() + cure[1:])

@@ -66,7 +66,7 @@ def _trace(a: Tensor) -> Float[Array, " tets"]:
     return a[0][0] + a[1][1] + a[2][2]
 
 
-def _determinant_and_cofactor(a: Tensor) -> tuple[Float[Array, " tets"], Tensor]:
+def determinant_and_cofactor(a: Tensor) -> tuple[Float[Array, " tets"], Tensor]:
     """Determinant, and the transposed inverse times it."""
     cofactor = [
         [
@@ -100,7 +100,7 @@ KEPT = 2.0
 
 def determinant(a: Tensor) -> Float[Array, " tets"]:
     """Determinant of the tensor of each element."""
-    return _determinant_and_cofactor(a)[0]
+    return determinant_and_cofactor(a)[0]
 
 
 class AbstractMaterial(eqx.Module):
@@ -150,7 +150,7 @@ def _green_trace(F: Tensor) -> Volume:
 
 
 def _jacobian(F: Tensor) -> Volume:
-    return Volume(*_determinant_and_cofactor(F))
+    return Volume(*determinant_and_cofactor(F))
 
 
 class LinearElastic(AbstractMaterial):
@@ -221,7 +221,7 @@ class SaintVenantKirchhoff(AbstractMaterial):
         lam, G = _lame(self.E, self.nu)
         twice_green = plus_identity(product(transposed(F), F), -1.0)
         S = plus_identity(combined((G, twice_green)), lam * _trace(twice_green) / 2.0)
-        J, cofactor = _determinant_and_cofactor(F)
+        J, cofactor = determinant_and_cofactor(F)
         penalty = self.volumetric_penalty * _dilatation(J)
         return combined((1.0, product(F, S)), (penalty, cofactor))
 
@@ -262,7 +262,7 @@ class NeoHookean(AbstractMaterial):
     def stress(self, F: Tensor) -> Tensor:
         """First Piola-Kirchhoff stress [dyn/cm²] at a deformation gradient."""
         lam, G = self.moduli
-        J, cofactor = _determinant_and_cofactor(F)
+        J, cofactor = determinant_and_cofactor(F)
         mean_square = added(F[i][j] ** 2 for i in _AXES for j in _AXES) / 3.0
         shape = G * J ** (-2.0 / 3.0)
         pressure = (lam + 2.0 * G / 3.0) * _dilatation(J)

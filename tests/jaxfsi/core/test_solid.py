@@ -60,7 +60,7 @@ def test_uniform_deformation_leaves_inner_nodes_in_balance(block, material):
 @materials
 def test_forces_are_the_derivative_of_the_stored_energy(block, material):
     x, element, shape, _ = block
-    d = 0.02 * jnp.asarray(np.random.default_rng(1).standard_normal(x.shape))
+    d = 0.004 * jnp.asarray(np.random.default_rng(1).standard_normal(x.shape))
     density = ENERGIES[type(material)]
 
     def energy(d):
@@ -70,13 +70,12 @@ def test_forces_are_the_derivative_of_the_stored_energy(block, material):
         law, moduli = material.split()
         quarter = shape.volume / 4.0
         stored = sum(jnp.sum(quarter * jax.vmap(lambda f: density(law, f), 2)(f)) for f in F)
-        share = np.zeros(x.shape[1])
-        np.add.at(share, np.asarray(element.tets), np.asarray(quarter))
+        share = jnp.zeros(x.shape[1]).at[element.tets].add(jnp.stack([quarter] * 4))
+        used = np.unique(element.tets)
         near = np.full((4, 4), FAR) + (NEAR - FAR) * np.eye(4)
         for m, (k, U) in enumerate(zip(moduli, VOLUME_ENERGIES[type(material)], strict=True)):
             q = jnp.stack([material.volumes(f)[m].value for f in F])
             sums = jnp.zeros(x.shape[1]).at[element.tets].add(quarter * (near @ q))
-            used = np.flatnonzero(share)
             stored += jnp.sum(k * share[used] * U(sums[used] / share[used]))
         return stored
 

@@ -82,9 +82,7 @@ def prestressed(
         failed = RESULTS.where(result == RESULTS.successful, end.result, result)
         return (S + added, failed), (end.d, jnp.max(jnp.abs(end.d)))
 
-    (S, result), (_, residuals) = jax.lax.scan(
-        once, (start, RESULTS.successful), length=n_passes
-    )
+    (S, result), (_, residuals) = jax.lax.scan(once, (start, RESULTS.successful), length=n_passes)
     final = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
     last = equilibrium(final, loads, factor, tolerance=tolerance, throw=False)
     result = RESULTS.where(result == RESULTS.successful, last.result, result)

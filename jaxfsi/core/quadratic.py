@@ -35,6 +35,7 @@ from jaxfsi.core.elements import (
     added,
     corners,
     gradient,
+    kept_apart,
     scatter,
     total,
 )
@@ -68,8 +69,10 @@ class QuadraticElement(AbstractWallElement):
     def slopes(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
         rows = [[] for _ in range(4)]
-        for component in field:
-            d, w = corners(component, self.tets), self._edge_values(component)
+        values = [
+            (corners(component, self.tets), self._edge_values(component)) for component in field
+        ]
+        for d, w in kept_apart(values, shape):
             common = gradient(
                 tuple(d[a] + 4.0 * FAR * self._at_corner(w, a) for a in range(4)), shape
             )
@@ -79,7 +82,7 @@ class QuadraticElement(AbstractWallElement):
                     for j in range(3)
                 ]
                 rows[g].append([common[j] + _SPREAD * bow[j] for j in range(3)])
-        return tuple(rows)
+        return kept_apart(tuple(rows), shape)
 
     def stress(self, F: Points, material: AbstractMaterial, shape: Geometry, n: int) -> Points:
         """First Piola-Kirchhoff stress at the quadrature points [dyn/cm²]."""
@@ -126,49 +129,51 @@ class QuadraticElement(AbstractWallElement):
         common = FAR * total(at_corner)
         return tuple(common + (NEAR - FAR) * value for value in at_corner)
 
-    def forces(self, stress: Points, shape: Geometry, n: int) -> Float[Array, "3 nodes"]:
-        """∫ P ∇N dV of a stress at the quadrature points [dyn]."""
+    def forces(
+        self,
+        stress: Points,
+        a: Float[Array, "3 nodes"],
+        mass: Float[Array, " tets"],
+        shape: Geometry,
+    ) -> Float[Array, "3 nodes"]:
+        """∫ P ∇N dV + ∫ ρ_s N a dV [dyn]."""
         grad = shape.grad
         quarter = shape.volume / 4.0
+        stress = kept_apart(stress, shape)
         rows = []
         for i in range(3):
             P = [[quarter * point[i][j] for j in range(3)] for point in stress]
             common = [added(P[g][j] for g in range(4)) for j in range(3)]
-            pull = tuple(added(common[j] * grad[j, a] for j in range(3)) for a in range(4))
-            bow = []
-            for a, b in EDGES:
-                own = added(P[b][j] * grad[j, a] + P[a][j] * grad[j, b] for j in range(3))
-                bow.append(4.0 * FAR * (pull[a] + pull[b]) + _SPREAD * own)
-            rows.append(self._gathered(pull, bow, n))
+            pull = [added(common[j] * grad[j, c] for j in range(3)) for c in range(4)]
+            vertex, edge = self._inertia(a[i], mass)
+            vertex = tuple(m + p for m, p in zip(vertex, pull, strict=True))
+            for k, (b, c) in enumerate(EDGES):
+                own = added(P[c][j] * grad[j, b] + P[b][j] * grad[j, c] for j in range(3))
+                edge[k] = edge[k] + 4.0 * FAR * (pull[b] + pull[c]) + _SPREAD * own
+            row = scatter(vertex, self.tets, a.shape[1])
+            for k, values in enumerate(edge):
+                row = row.at[self.edges[k]].add(values)
+            rows.append(row)
         return jnp.stack(rows)
 
-    def inertia(
-        self, a: Float[Array, "3 nodes"], mass: Float[Array, " tets"]
-    ) -> Float[Array, "3 nodes"]:
-        """∫ ρ_s N a dV of elements with given masses [dyn], the consistent mass.
+    def _inertia(
+        self, a: Float[Array, " nodes"], mass: Float[Array, " tets"]
+    ) -> tuple[Corners, list[Float[Array, " tets"]]]:
+        """∫ ρ_s N a dV for vertices and edges of each element, the consistent mass.
 
         Of ∫ N_aⁱ N_bʲ … dV = 6V i! j! …/(i + j + … + 3)!: an edge's function has the integral V/15
         with that of its ends and V/30 with the others, 8V/105 with itself, 4V/105 with that of an
         edge that shares a corner and 2V/105 with the opposite one.
         """
-        rows = []
-        for component in a:
-            v, w = corners(component, self.tets), self._edge_values(component)
-            whole, bowed = total(v), added(w)
-            at = [self._at_corner(w, c) for c in range(4)]
-            vertex = tuple(
-                mass * ((v[c] + whole) / 20.0 + (bowed + at[c]) / 30.0) for c in range(4)
-            )
-            edge = [
-                mass
-                * (
-                    (whole + v[b] + v[c]) / 30.0
-                    + 2.0 / 105.0 * (bowed + at[b] + at[c] + w[_EDGE[b, c]])
-                )
-                for b, c in EDGES
-            ]
-            rows.append(self._gathered(vertex, edge, a.shape[1]))
-        return jnp.stack(rows)
+        v, w = corners(a, self.tets), self._edge_values(a)
+        whole, bowed = total(v), added(w)
+        at = [self._at_corner(w, c) for c in range(4)]
+        vertex = tuple(mass * ((v[c] + whole) / 20.0 + (bowed + at[c]) / 30.0) for c in range(4))
+        edge = []
+        for b, c in EDGES:
+            near = 2.0 / 105.0 * (bowed + at[b] + at[c] + w[_EDGE[b, c]])
+            edge.append(mass * ((whole + v[b] + v[c]) / 30.0 + near))
+        return vertex, edge
 
     def _edge_values(self, component: Float[Array, " nodes"]) -> list[Float[Array, " tets"]]:
         return [component[self.edges[k]] for k in range(6)]
@@ -176,14 +181,6 @@ class QuadraticElement(AbstractWallElement):
     def _at_corner(self, w: list[Float[Array, " tets"]], a: int) -> Float[Array, " tets"]:
         """Sum over the edges that meet at a corner."""
         return added(w[_EDGE[a, b]] for b in range(4) if b != a)
-
-    def _gathered(
-        self, vertex: Corners, edge: list[Float[Array, " tets"]], n: int
-    ) -> Float[Array, " nodes"]:
-        result = scatter(vertex, self.tets, n)
-        for k, values in enumerate(edge):
-            result = result.at[self.edges[k]].add(values)
-        return result
 
 
 def numbered_edges(

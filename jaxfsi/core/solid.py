@@ -82,8 +82,7 @@ def solid_residual(
         if prestress is not None:
             S = combined((1.0, S), (1.0, prestress[:, :, g]))
         stress.append(combined((1.0, elastic[g]), (1.0, product(F[g], S))))
-    forces = element.forces(tuple(stress), shape, n_nodes)
-    return forces + element.inertia(a, wall.rho_s * shape.volume)
+    return element.forces(tuple(stress), a, wall.rho_s * shape.volume, shape)
 
 
 def reference_tangent(
@@ -116,8 +115,7 @@ def reference_tangent(
         if prestress is not None:
             P = combined((1.0, P), (weights.d, product(H, prestress[:, :, g])))
         stress.append(P)
-    forces = element.forces(tuple(stress), shape, n_nodes)
-    return forces + element.inertia(v, weights.a * wall.rho_s * shape.volume)
+    return element.forces(tuple(stress), v, weights.a * wall.rho_s * shape.volume, shape)
 
 
 def cauchy_stress(
@@ -144,5 +142,7 @@ def cauchy_stress(
         if prestress is not None:
             whole = combined((1.0, P), (1.0, product(F[g], prestress[:, :, g])))
         J = determinant(F[g])
-        points.append(jnp.stack([jnp.stack([s / J for s in r]) for r in product(whole, transposed(F[g]))]))
+        points.append(
+            jnp.stack([jnp.stack([s / J for s in r]) for r in product(whole, transposed(F[g]))])
+        )
     return jnp.stack(points, axis=2)

@@ -115,9 +115,7 @@ def pressure_load(
             " such as interface or outer_wall."
         )
     value = jnp.broadcast_to(jnp.asarray(p, float), (n,))
-    return PressureLoad(
-        jnp.asarray(sides[found].T), jnp.pad(value, (0, model.n_nodes - n))
-    )
+    return PressureLoad(jnp.asarray(sides[found].T), jnp.pad(value, (0, model.n_nodes - n)))
 
 
 def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
@@ -191,7 +189,9 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
     shape = geometry(model.x, model.solid_tets)
     zero = jnp.zeros_like(model.x)
     free = model.in_solid & ~model.held
-    size = jax.lax.stop_gradient(jnp.linalg.norm(jnp.where(free, load_forces(loads, zero, model), 0.0)))
+    size = jax.lax.stop_gradient(
+        jnp.linalg.norm(jnp.where(free, load_forces(loads, zero, model), 0.0))
+    )
     size = jnp.where(size > 0.0, size, 1.0)
 
     def out_of_balance(flat, scale):

@@ -59,14 +59,21 @@ class AbstractWallElement(eqx.Module):
         """
 
     @abc.abstractmethod
-    def forces(self, stress: Points, shape: Geometry, n: int) -> Float[Array, "3 nodes"]:
-        """∫ P ∇N dV of a stress at the quadrature points [dyn]."""
-
-    @abc.abstractmethod
-    def inertia(
-        self, a: Float[Array, "3 nodes"], mass: Float[Array, " tets"]
+    def forces(
+        self,
+        stress: Points,
+        a: Float[Array, "3 nodes"],
+        mass: Float[Array, " tets"],
+        shape: Geometry,
     ) -> Float[Array, "3 nodes"]:
-        """∫ ρ_s N a dV of elements with given masses [dyn]."""
+        """∫ P ∇N dV + ∫ ρ_s N a dV [dyn].
+
+        Args:
+            stress: first Piola-Kirchhoff stress at the quadrature points [dyn/cm²].
+            a: acceleration [cm/s²].
+            mass: of the elements [g].
+            shape: of the elements in the reference configuration.
+        """
 
 
 class LinearElement(AbstractWallElement):
@@ -86,22 +93,21 @@ class LinearElement(AbstractWallElement):
         """First Piola-Kirchhoff stress at the quadrature points [dyn/cm²]."""
         return (material.stress(F[0]),)
 
-    def forces(self, stress: Points, shape: Geometry, n: int) -> Float[Array, "3 nodes"]:
-        """∫ P ∇N dV of a stress at the quadrature points [dyn]."""
+    def forces(
+        self,
+        stress: Points,
+        a: Float[Array, "3 nodes"],
+        mass: Float[Array, " tets"],
+        shape: Geometry,
+    ) -> Float[Array, "3 nodes"]:
+        """∫ P ∇N dV + ∫ ρ_s N a dV [dyn]."""
         grad, V = shape
         rows = []
-        for row in stress[0]:
-            force = tuple(V * added(grad[j, b] * row[j] for j in range(3)) for b in range(4))
-            rows.append(scatter(force, self.tets, n))
-        return jnp.stack(rows)
-
-    def inertia(
-        self, a: Float[Array, "3 nodes"], mass: Float[Array, " tets"]
-    ) -> Float[Array, "3 nodes"]:
-        """∫ ρ_s N a dV of elements with given masses [dyn]."""
-        rows = []
-        for corner in vector_corners(a, self.tets):
+        for row, corner in zip(stress[0], vector_corners(a, self.tets), strict=True):
             whole = total(corner)
-            force = tuple(mass / 20.0 * (corner[b] + whole) for b in range(4))
+            force = tuple(
+                mass / 20.0 * (corner[b] + whole) + V * added(grad[j, b] * row[j] for j in range(3))
+                for b in range(4)
+            )
             rows.append(scatter(force, self.tets, a.shape[1]))
         return jnp.stack(rows)

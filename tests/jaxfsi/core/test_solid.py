@@ -172,6 +172,7 @@ def test_tangent_at_the_reference_is_the_derivative(block, material):
 def test_tangent_is_symmetric_with_six_rigid_modes(block):
     x, element, shape, _ = block
     wall = Wall(NeoHookean(1e6, 0.45))
+
     def force(flat):
         v = flat.reshape(x.shape)
         return reference_tangent(v, Weights(0.0, 0.0, 1.0), wall, element, shape).reshape(-1)

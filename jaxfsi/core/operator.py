@@ -10,8 +10,9 @@ With the weights w_a, w_u of acceleration and velocity in the step::
     G_ab = w_u (−∫ ∇N_a N_b + ρτ ∫ c*·∇N_a ∇N_b)
     D_ab = w_u ∫ N_a ∇N_b + ∫ τρ ∇N_a (w_a N_b + w_u c·∇N_b),   C_ab = w_u ∫ τ ∇N_a·∇N_b
 
-The wall enters with its tangent at the reference shape: where it deforms, the operator is an
-approximation, and the residual, which is exact, asks for a correction when that matters.
+The wall enters with its tangent at the reference shape, as stencils for linear elements and element
+by element for quadratic ones: where it deforms, the operator is an approximation, and the residual,
+which is exact, asks for a correction when that matters.
 """
 
 import equinox as eqx
@@ -35,7 +36,10 @@ from jaxfsi.core.equations import BACKFLOW, Step, Unknowns, outer_share
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import FlowPort
+from jaxfsi.core.quadratic import QuadraticElement
+from jaxfsi.core.solid import reference_tangent
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
+from jaxfsi.core.wall_elements import Weights
 from lumped.parameters import Parameter
 
 
@@ -60,7 +64,7 @@ class StepOperator(eqx.Module):
         G: pressure in the momentum of each direction.
         D: velocity of each direction in continuity.
         C: pressure in continuity.
-        wall: of the wall; None without one.
+        wall: of the wall; None without one, and for quadratic elements.
     """
 
     pattern: Pattern
@@ -157,6 +161,13 @@ def apply_step(
             for i, row in enumerate(rows)
         ]
     r_u = jnp.stack(rows) - _port_slope(v.u, model, step, w_u)
+    if isinstance(model.element, QuadraticElement) and model.wall is not None:
+        weights = Weights(*method.weights(step.dt))
+        r_u = r_u + reference_tangent(
+            v.u, weights, model.wall, model.element, step.solid_shape, model.prestress
+        )
+        support = weights.d * model.wall.support_stiffness + weights.u * model.wall.support_damping
+        r_u = r_u + support * outer_share(model) * v.u
     r_p = apply(operator.C, P, v.p)
     for i in range(3):
         r_p = r_p + apply(operator.D[i], P, v.u[i])
@@ -200,8 +211,8 @@ def _port_slope(
 
 
 def wall_stencil(dt: float, model: Model, method: GeneralizedAlpha) -> WallStencil | None:
-    """Tangent of the wall of a concrete model at its reference shape."""
-    if model.wall is None:
+    """Tangent of linear elements of the wall of a concrete model at its reference shape."""
+    if model.wall is None or isinstance(model.element, QuadraticElement):
         return None
     tets = model.solid_tets
     shape = geometry(model.x, tets)
@@ -212,6 +223,9 @@ def wall_stencil(dt: float, model: Model, method: GeneralizedAlpha) -> WallStenc
     grad, V = shape
     mass = w_a * model.wall.rho_s * V * jnp.asarray(MASS)[:, :, None]
     laplace = G * V * jnp.sum(grad[:, :, None] * grad[:, None], axis=0)
+    if model.prestress is not None:
+        pulled = [added(model.prestress[i, j, 0] * grad[j] for j in range(3)) for i in range(3)]
+        laplace = laplace + w_d * V * added(grad[i][:, None] * pulled[i][None] for i in range(3))
     share = outer_share(model)
     support = w_d * model.wall.support_stiffness + w_u * model.wall.support_damping
     rows = []

@@ -11,8 +11,8 @@ and far-off weight f = (5 − √5)/20, near weight n = (5 + 3√5)/20 the gradi
 
     ∇d(g) = Σ_a ∇N_a (d_a + 4 f Σ_b w_ab) + 4 (n − f) Σ_{a≠g} ∇N_a w_ag
 
-Near ν = 1/2 the resistance to changes of volume beyond λ = 2G acts on the volume averaged round each
-vertex v, q_v = ∫ N_v q dV / ∫ N_v dV, with energy Σ_v k U(q_v) ∫ N_v dV: one pressure a vertex, as
+Near ν = 1/2 the resistance to changes of volume beyond λ = 2G acts on the volume averaged round
+each vertex v, q_v = ∫ N_v q dV / ∫ N_v dV, with energy Σ_v k U(q_v) ∫ N_v dV: one pressure a vertex, as
 in the element of Taylor & Hood 1973 with a lumped mass of the pressure, which has enough
 displacements for each pressure. λ up to 2G stays in the elements: averaging alone would leave out
 the part of the volume's change that varies across one layer, a quarter of the bending stiffness
@@ -39,7 +39,7 @@ from jaxfsi.core.elements import (
     scatter,
     total,
 )
-from jaxfsi.core.materials import AbstractMaterial, Tensor, combined
+from jaxfsi.core.materials import AbstractMaterial, combined
 from jaxfsi.core.wall_elements import AbstractWallElement, Points
 
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))

@@ -73,11 +73,6 @@ def vertex_block(model: Model, weights: Weights) -> sp.csr_matrix:
     return (matrix + b.T @ sp.diags(e.spread) @ b).tocsr()
 
 
-def vertex_diagonal(model: Model, weights: Weights) -> Float[np.ndarray, "nodes 3"]:
-    """Diagonal of `vertex_block`."""
-    return vertex_block(model, weights).diagonal().reshape(-1, 3)
-
-
 def edge_blocks(model: Model, weights: Weights) -> Float[np.ndarray, "edges 3 3"]:
     """Blocks of the edges' unknowns on the diagonal of the matrix.
 

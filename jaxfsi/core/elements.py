@@ -15,10 +15,13 @@ Source: Zienkiewicz & Taylor 2000, The Finite Element Method, vol. 1, section 6.
 import functools
 import operator
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+Tree = TypeVar("Tree")
 
 
 class Geometry(NamedTuple):
@@ -36,6 +39,24 @@ class Geometry(NamedTuple):
 def added(terms: Iterable[Float[Array, "*shape"]]) -> Float[Array, "*shape"]:
     """Sum of a few arrays."""
     return functools.reduce(operator.add, terms)
+
+
+def kept_apart(values: Tree, shape: Geometry) -> Tree:
+    """The same values, computed once and stored.
+
+    XLA on a CPU repeats whatever leads to a value in every loop that uses it, and a kernel with
+    thirty results that use the same stress would compute it thirty times. The branches of a
+    condition are the boundary that it respects.
+
+    Args:
+        values: arrays of element values.
+        shape: of the elements; tells whether there are any, which is not known when compiling.
+    """
+    if not shape.volume.size:
+        return values
+    return jax.lax.cond(
+        shape.volume[0] != 0.0, lambda v: v, lambda v: jax.tree.map(jnp.zeros_like, v), values
+    )
 
 
 Corners = tuple[Float[Array, " tets"], ...]

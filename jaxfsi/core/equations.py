@@ -150,7 +150,9 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         u, a, p, model.blood, step.coefficients, model.fluid_tets, step.fluid_shape
     )
     if model.wall is not None:
-        r_u = r_u + solid_residual(u, a, d, model.wall, model.solid_tets, step.solid_shape)
+        r_u = r_u + solid_residual(
+            u, a, d, model.wall, model.element, step.solid_shape, model.prestress
+        )
         r_u = r_u + _support(u, d, model.wall, model)
     r_u = r_u - _port_load(y, u, model, step)
     return Unknowns(

@@ -7,6 +7,7 @@ traction needs an equation of its own.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Literal, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,8 +17,14 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxfsi.core.fluid import Blood
 from jaxfsi.core.ports import BlockPort, FlowPort, Port, PressurePort
 from jaxfsi.core.profile import unit_flow_profile
+from jaxfsi.core.quadratic import QuadraticElement, numbered_edges
 from jaxfsi.core.solid import Wall
+from jaxfsi.core.wall_elements import AbstractWallElement, LinearElement
+from jaxfsi.faces import triangle_edges
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
+
+WallElement = Literal["quadratic", "linear"]
+"""Which element the wall is made of."""
 
 
 class Model(eqx.Module):
@@ -27,41 +34,52 @@ class Model(eqx.Module):
     are not.
 
     Attributes:
-        x: reference positions of the nodes [cm].
+        x: reference positions of the nodes [cm]: first the vertices of the mesh, then, where the
+            wall's elements are quadratic, the vectors that bow their edges, which are zero.
         fluid_tets: corners of the fluid elements.
-        solid_tets: corners of the solid elements.
+        element: elements of the wall, linear ones without members where there is none.
         in_fluid: nodes that carry a pressure.
         in_solid: nodes of the wall.
         held: nodes whose velocity is prescribed.
         mesh_held: fluid nodes that the mesh motion does not move.
         blood: what the blood is like.
         wall: what the wall is made of.
+        prestress: second Piola-Kirchhoff stress of the undeformed wall at the quadrature points of
+            its elements [dyn/cm²]; None: without stress.
         ports: condition of each port.
         profiles: velocity of unit inflow at flow ports [1/cm²]; a field without entries elsewhere.
         port_faces: triangles of each port.
         outer_faces: triangles that the tissue outside supports.
-        names: of the ports.
+        names: of the ports (static).
+        n_vertices: vertices of the mesh, which come before other nodes (static).
     """
 
     x: Float[Array, "3 nodes"]
     fluid_tets: Int[Array, "4 fluid_tets"]
-    solid_tets: Int[Array, "4 solid_tets"]
+    element: AbstractWallElement
     in_fluid: Bool[Array, " nodes"]
     in_solid: Bool[Array, " nodes"]
     held: Bool[Array, " nodes"]
     mesh_held: Bool[Array, " nodes"]
     blood: Blood
     wall: Wall | None
+    prestress: Float[Array, "3 3 points solid_tets"] | None
     ports: tuple[Port, ...]
     profiles: tuple[Float[Array, "3 nodes"] | None, ...]
     port_faces: tuple[Int[Array, "3 _"], ...]
     outer_faces: Int[Array, "3 outer"]
     names: tuple[str, ...] = eqx.field(static=True)
+    n_vertices: int = eqx.field(static=True)
 
     @property
     def n_nodes(self) -> int:
         """Number of nodes."""
         return self.x.shape[1]
+
+    @property
+    def solid_tets(self) -> Int[Array, "4 solid_tets"]:
+        """Corners of the solid elements."""
+        return self.element.tets
 
     @property
     def is_rigid(self) -> bool:
@@ -81,6 +99,7 @@ def build_model(
     blood: Blood | None = None,
     wall: Wall | None = None,
     clamped: Sequence[str] | None = None,
+    wall_element: WallElement = "quadratic",
 ) -> Model:
     """Put a model together.
 
@@ -91,6 +110,8 @@ def build_model(
         blood: None for the defaults.
         wall: what the wall is made of; required where the mesh has one.
         clamped: labels whose nodes do not move; None: the cut ends of the wall.
+        wall_element: ``"quadratic"``, which bends and does not lock, or ``"linear"``, as most
+            codes have it.
 
     Raises:
         ValueError: ports and labels do not fit, or the wall is missing.
@@ -98,8 +119,15 @@ def build_model(
     labels = [name for name in mesh.label_names if name.endswith(RING_SUFFIX)]
     clamped = tuple(labels) if clamped is None else tuple(clamped)
     _check(mesh, ports, wall, clamped)
+    if wall_element not in get_args(WallElement):
+        raise ValueError(
+            f"wall_element = {wall_element!r} is not known; take one of"
+            f" {', '.join(get_args(WallElement))}."
+        )
     n_nodes = len(mesh.points)
     fluid, solid = mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID)
+    element, ends = _wall_elements(n_nodes, solid, wall_element)
+    n_edges = len(ends)
     in_fluid, in_solid = _marked(n_nodes, fluid), _marked(n_nodes, solid)
     held = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))
     if not len(solid):
@@ -107,28 +135,51 @@ def build_model(
     profiles = []
     for name, port in ports.items():
         if isinstance(port, FlowPort):
-            profiles.append(jnp.asarray(unit_flow_profile(mesh, name).T))
+            profile = unit_flow_profile(mesh, name).T
+            profiles.append(jnp.asarray(np.pad(profile, ((0, 0), (0, n_edges)))))
             held |= _marked(n_nodes, mesh.labelled(name))
         else:
             profiles.append(None)
     openings = _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
     outer = mesh.labelled(OUTER_WALL) if OUTER_WALL in mesh.label_names else np.zeros((0, 3), int)
     return Model(
-        x=jnp.asarray(mesh.points.T, float),
+        x=jnp.asarray(np.pad(mesh.points.T.astype(float), ((0, 0), (0, n_edges)))),
         fluid_tets=jnp.asarray(fluid.T, jnp.int32),
-        solid_tets=jnp.asarray(solid.T, jnp.int32),
-        in_fluid=jnp.asarray(in_fluid),
-        in_solid=jnp.asarray(in_solid),
-        held=jnp.asarray(held),
-        mesh_held=jnp.asarray(in_solid | openings | ~in_fluid),
+        element=element,
+        in_fluid=jnp.asarray(np.append(in_fluid, np.zeros(n_edges, bool))),
+        in_solid=jnp.asarray(np.append(in_solid, np.ones(n_edges, bool))),
+        held=jnp.asarray(np.append(held, _among(ends, mesh, clamped))),
+        mesh_held=jnp.asarray(np.append(in_solid | openings | ~in_fluid, np.ones(n_edges, bool))),
         blood=Blood() if blood is None else blood,
         wall=wall if len(solid) else None,
+        prestress=None,
         ports=tuple(ports.values()),
         profiles=tuple(profiles),
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
         outer_faces=jnp.asarray(outer.T, jnp.int32),
         names=tuple(ports),
+        n_vertices=n_nodes,
     )
+
+
+def _wall_elements(
+    n_nodes: int, solid: Int[np.ndarray, "tets 4"], kind: str
+) -> tuple[AbstractWallElement, Int[np.ndarray, "edges 2"]]:
+    """Elements of the wall, and the ends of the edges that carry unknowns."""
+    if kind == "linear" or not len(solid):
+        return LinearElement(jnp.asarray(solid.T)), np.zeros((0, 2), int)
+    ends, index = numbered_edges(solid)
+    return QuadraticElement(jnp.asarray(solid.T), jnp.asarray(n_nodes + index.T)), ends
+
+
+def _among(
+    ends: Int[np.ndarray, "edges 2"], mesh: Mesh, labels: Sequence[str]
+) -> Bool[np.ndarray, " edges"]:
+    """Which edges belong to triangles under one of some labels."""
+    sides = [triangle_edges(mesh.labelled(name)).reshape(-1, 2) for name in labels]
+    own = np.sort(np.concatenate([*sides, np.zeros((0, 2), int)]), axis=1)
+    n = len(mesh.points)
+    return np.isin(ends[:, 0] * n + ends[:, 1], own[:, 0] * n + own[:, 1])
 
 
 def _marked(n_nodes: int, *elements: Int[np.ndarray, "_ _"]) -> Bool[np.ndarray, " nodes"]:

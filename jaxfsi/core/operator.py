@@ -16,8 +16,9 @@ With the weights w_a, w_u of acceleration and velocity in the step::
 On the elastic tube of 60 000 elements an assembly takes as long as seven products of elements,
 and each product saves a quarter of one: stencils pay where a step takes many iterations.
 
-The wall enters with its tangent at the reference shape: where it deforms, the operator is an
-approximation, and the residual, which is exact, asks for a correction when that matters.
+The wall enters with its tangent at the reference shape, as stencils for linear elements and element
+by element for quadratic ones: where it deforms, the operator is an approximation, and the residual,
+which is exact, asks for a correction when that matters.
 """
 
 import equinox as eqx
@@ -42,7 +43,10 @@ from jaxfsi.core.fluid import fluid_residual
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import FlowPort
+from jaxfsi.core.quadratic import QuadraticElement
+from jaxfsi.core.solid import reference_tangent
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
+from jaxfsi.core.wall_elements import Weights
 from lumped.parameters import Parameter
 
 
@@ -67,7 +71,7 @@ class StepOperator(eqx.Module):
         G: pressure in the momentum of each direction.
         D: velocity of each direction in continuity.
         C: pressure in continuity.
-        wall: of the wall; None without one.
+        wall: of the wall; None without one, and for quadratic elements.
     """
 
     pattern: Pattern
@@ -156,7 +160,7 @@ def apply_elements(
         model.fluid_tets,
         step.fluid_shape,
     )
-    return _closed(v, r_u, r_p, model, step, w_u, wall)
+    return _closed(v, r_u, r_p, model, step, method, wall)
 
 
 def apply_step(
@@ -172,7 +176,7 @@ def apply_step(
     r_p = apply(operator.C, P, v.p)
     for i in range(3):
         r_p = r_p + apply(operator.D[i], P, v.u[i])
-    return _closed(v, jnp.stack(rows), r_p, model, step, w_u, operator.wall)
+    return _closed(v, jnp.stack(rows), r_p, model, step, method, operator.wall)
 
 
 def _closed(
@@ -181,7 +185,7 @@ def _closed(
     r_p: Float[Array, " nodes"],
     model: Model,
     step: Step,
-    w_u: Parameter,
+    method: GeneralizedAlpha,
     wall: WallStencil | None,
 ) -> Unknowns:
     """The blood's product with that of wall and ports, and the rows of held unknowns."""
@@ -191,7 +195,14 @@ def _closed(
             for i in range(3)
         ]
         r_u = r_u + jnp.stack(rows)
-    r_u = r_u - _port_slope(v.u, model, step, w_u)
+    elif model.wall is not None:
+        weights = Weights(*method.weights(step.dt))
+        r_u = r_u + reference_tangent(
+            v.u, weights, model.wall, model.element, step.solid_shape, model.prestress
+        )
+        support = weights.d * model.wall.support_stiffness + weights.u * model.wall.support_damping
+        r_u = r_u + support * outer_share(model) * v.u
+    r_u = r_u - _port_slope(v.u, model, step, method)
     return Unknowns(jnp.where(model.held, v.u, r_u), jnp.where(model.in_fluid, r_p, v.p))
 
 
@@ -214,9 +225,10 @@ def _coupling(
 
 
 def _port_slope(
-    u: Float[Array, "3 nodes"], model: Model, step: Step, w_u: Parameter
+    u: Float[Array, "3 nodes"], model: Model, step: Step, method: GeneralizedAlpha
 ) -> Float[Array, "3 nodes"]:
     """Derivative of the ports' forces along a change of velocity."""
+    _, w_u, _ = method.weights(step.dt)
     load = jnp.zeros_like(u)
     for i, (port, faces) in enumerate(zip(model.ports, model.port_faces, strict=True)):
         if isinstance(port, FlowPort):
@@ -232,8 +244,8 @@ def _port_slope(
 
 
 def wall_stencil(dt: float, model: Model, method: GeneralizedAlpha) -> WallStencil | None:
-    """Tangent of the wall of a concrete model at its reference shape."""
-    if model.wall is None:
+    """Tangent of linear elements of the wall of a concrete model at its reference shape."""
+    if model.wall is None or isinstance(model.element, QuadraticElement):
         return None
     tets = model.solid_tets
     shape = geometry(model.x, tets)
@@ -244,6 +256,9 @@ def wall_stencil(dt: float, model: Model, method: GeneralizedAlpha) -> WallStenc
     grad, V = shape
     mass = w_a * model.wall.rho_s * V * jnp.asarray(MASS)[:, :, None]
     laplace = G * V * jnp.sum(grad[:, :, None] * grad[:, None], axis=0)
+    if model.prestress is not None:
+        pulled = [added(model.prestress[i, j, 0] * grad[j] for j in range(3)) for i in range(3)]
+        laplace = laplace + w_d * V * added(grad[i][:, None] * pulled[i][None] for i in range(3))
     share = outer_share(model)
     support = w_d * model.wall.support_stiffness + w_u * model.wall.support_damping
     matrices = []

@@ -37,14 +37,22 @@ from jaxfsi.core.elements import added, corners, scatter, total, vector_corners
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.nested_factor import NestedFactor, nested_factor, nested_solve
+from jaxfsi.core.wall_blocks import edge_blocks, vertex_block
+from jaxfsi.core.wall_elements import Weights
+from jaxfsi.core.wall_factor import (
+    WallFactor,
+    wall_factor,
+    wall_solve,
+    wall_solve_transposed,
+    wall_vertices,
+)
 
 
 class Preconditioner(eqx.Module):
     """Frozen approximate inverse of the linearised step.
 
     Attributes:
-        wall: factor of the wall's block.
-        wall_nodes: nodes of that block.
+        wall: approximate inverse of the wall's block.
         inverse_diagonal: of A at the blood's own nodes, 0 elsewhere.
         pressure: factor of S.
         pressure_nodes: nodes that carry a pressure.
@@ -54,8 +62,7 @@ class Preconditioner(eqx.Module):
         pressure_scale: S^(−1/2) of each pressure, by its diagonal.
     """
 
-    wall: NestedFactor
-    wall_nodes: Int[Array, " wall"]
+    wall: WallFactor
     inverse_diagonal: Float[Array, "3 nodes"]
     pressure: NestedFactor
     pressure_nodes: Int[Array, " wet"]
@@ -83,17 +90,15 @@ def preconditioner(
     fluid = np.asarray(model.fluid_tets).T
     shape = host_geometry(points, fluid)
     blocks = _blocks(dt, model, method, shape)
-    wall_nodes = np.flatnonzero(in_solid & ~held)
-    unknowns = (3 * wall_nodes[:, None] + np.arange(3)).ravel()
-    A_wall = blocks.A_wall[unknowns][:, unknowns]
-    wall = nested_factor(A_wall, block=3, points=points[wall_nodes], dtype=dtype)
+    wall_nodes = wall_vertices(model)
+    wall = wall_factor(blocks.A_wall, model, Weights(*method.weights(dt)), dtype=dtype)
     free_fluid = in_fluid & ~in_solid & ~held
     inverse_diagonal = np.where(free_fluid[:, None], 1.0 / blocks.diagonal, 0.0)
     wet = np.flatnonzero(in_fluid)
     S = blocks.C
     for i in range(3):
         S = S - blocks.D[i] @ sp.diags(inverse_diagonal[:, i]) @ blocks.G[i]
-    S = S + sp.diags(_wall_response(blocks, wall, wall_nodes, in_fluid & in_solid))
+    S = S + sp.diags(_wall_response(blocks, wall.vertices, wall_nodes, in_fluid & in_solid))
     S = ((S + S.T) / 2.0).tocsr()[wet][:, wet]
     S_diagonal = np.ones(len(points))
     S_diagonal[wet] = S.diagonal()
@@ -101,7 +106,6 @@ def preconditioner(
     grad = -alpha_f * shape.grad * shape.volume[:, None, None] / 4.0
     return Preconditioner(
         wall,
-        jnp.asarray(wall_nodes, jnp.int32),
         jnp.asarray(inverse_diagonal.T, dtype),
         nested_factor(S, points=points[wet], dtype=dtype),
         jnp.asarray(wet, jnp.int32),
@@ -112,15 +116,11 @@ def preconditioner(
     )
 
 
-def _per_tet(value: object, n: int) -> Float[np.ndarray, " tets"]:
-    return np.broadcast_to(np.asarray(value, float), (n,))
-
-
 def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeometry) -> _Blocks:
     """Blocks of the step with the blood at rest, three velocities a node in A_wall."""
     points = np.asarray(model.x).T
     n_nodes = len(points)
-    fluid, solid = np.asarray(model.fluid_tets).T, np.asarray(model.solid_tets).T
+    fluid = np.asarray(model.fluid_tets).T
     w_a, w_u, w_d = (float(w) for w in method.weights(dt))
     rho = float(model.blood.rho_f)
     mu = np.asarray(model.blood.viscosity(jnp.ones(len(fluid))))
@@ -141,12 +141,12 @@ def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeomet
         n_nodes,
     )
     if model.wall is not None:
-        solid_shape = host_geometry(points, solid)
-        lam, G = (w_d * _per_tet(m, len(solid)) for m in model.wall.material.moduli)
-        G = G + w_u * _per_tet(model.wall.damping, len(solid))
-        mass = w_a * _per_tet(model.wall.rho_s, len(solid)) * solid_shape.volume
-        A_wall = A_wall + _vector_block(solid, solid_shape, mass, lam, G, n_nodes)
-        diagonal = diagonal + _diagonal(solid, solid_shape, mass, lam, G, n_nodes)
+        weights = Weights(w_a, w_u, w_d)
+        wall = vertex_block(model, weights)
+        A_wall = A_wall + wall
+        diagonal = diagonal + wall.diagonal().reshape(-1, 3)
+        edges = np.diagonal(edge_blocks(model, weights), axis1=1, axis2=2)
+        diagonal[model.n_vertices :] += edges
     quarter = shape.volume / 4.0
     G_block, D_block = [], []
     for i in range(3):
@@ -212,8 +212,7 @@ def _weak_gradient_transposed(
 
 
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
-    solved = nested_solve(M.wall, r[:, M.wall_nodes].T.reshape(-1)).reshape(-1, 3).T
-    return (r * M.inverse_diagonal).at[:, M.wall_nodes].set(solved)
+    return r * M.inverse_diagonal + wall_solve(M.wall, r)
 
 
 def _pressure_solve(M: Preconditioner, r: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
@@ -233,8 +232,9 @@ def precondition(
 def precondition_transposed(
     M: Preconditioner, r_u: Float[Array, "3 nodes"], r_p: Float[Array, " nodes"]
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
-    """Apply the transpose of `precondition`; Â and S are symmetric."""
+    """Apply the transpose of `precondition`; S is symmetric."""
     dtype = M.inverse_diagonal.dtype
-    z_u = _velocity_solve(M, r_u.astype(dtype))
+    r = r_u.astype(dtype)
+    z_u = r * M.inverse_diagonal + wall_solve_transposed(M.wall, r)
     z_p = _pressure_solve(M, r_p.astype(dtype) - _weak_gradient_transposed(M, z_u))
     return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)

@@ -1,4 +1,4 @@
-"""Balance of momentum of the wall on linear tetrahedra in its reference configuration.
+"""Balance of momentum of the wall in its reference configuration.
 
 ::
 
@@ -10,17 +10,19 @@ Hsu & Bazilevs 2011, eq. 8) and Kelvin-Voigt damping P_v = F 2η Ė.
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import Geometry, added, gradient, scatter, total, vector_corners
+from jaxfsi.core.elements import Geometry
 from jaxfsi.core.materials import (
     AbstractMaterial,
-    Tensor,
+    LinearElastic,
     combined,
+    determinant,
     plus_identity,
     product,
     transposed,
 )
+from jaxfsi.core.wall_elements import AbstractWallElement, Points, Weights
 from lumped.parameters import Parameter, parameter
 
 
@@ -42,15 +44,11 @@ class Wall(eqx.Module):
     support_damping: Parameter = parameter(default=0.0)
 
 
-def deformation_gradient(
-    d: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry
-) -> Tensor:
-    """F = I + ∂d/∂X on each element."""
-    return plus_identity(_slopes(d, tets, shape), 1.0)
-
-
-def _slopes(d: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry) -> Tensor:
-    return [gradient(component, shape) for component in vector_corners(d, tets)]
+def deformation_gradients(
+    d: Float[Array, "3 nodes"], element: AbstractWallElement, shape: Geometry
+) -> Points:
+    """F = I + ∂d/∂X at the quadrature points of each element."""
+    return tuple(plus_identity(H, 1.0) for H in element.slopes(d, shape))
 
 
 def solid_residual(
@@ -58,9 +56,9 @@ def solid_residual(
     a: Float[Array, "3 nodes"],
     d: Float[Array, "3 nodes"],
     wall: Wall,
-    tets: Int[Array, "4 tets"],
+    element: AbstractWallElement,
     shape: Geometry,
-    prestress: Float[Array, "3 3 tets"] | None = None,
+    prestress: Float[Array, "3 3 points tets"] | None = None,
 ) -> Float[Array, "3 nodes"]:
     """Internal and inertial forces of the wall on each node [dyn].
 
@@ -69,25 +67,82 @@ def solid_residual(
         a: acceleration [cm/s²].
         d: displacement from the reference configuration [cm].
         wall: what the wall is made of.
-        tets: elements of the wall.
+        element: elements of the wall.
         shape: their geometry in the reference configuration.
-        prestress: second Piola-Kirchhoff stress that is there without deformation [dyn/cm²].
+        prestress: second Piola-Kirchhoff stress that is there without deformation, at each
+            quadrature point [dyn/cm²].
     """
     n_nodes = u.shape[1]
-    F = deformation_gradient(d, tets, shape)
-    strain_rate = product(transposed(F), _slopes(u, tets, shape))
-    S = combined((wall.damping, strain_rate), (wall.damping, transposed(strain_rate)))
-    if prestress is not None:
-        S = combined((1.0, S), (1.0, prestress))
-    V = shape.volume
-    stress = combined((V, wall.material.stress(F)), (V, product(F, S)))
-    mass = wall.rho_s * shape.volume / 20.0
-    rows = []
-    for i, corner in enumerate(vector_corners(a, tets)):
-        whole = total(corner)
-        force = tuple(
-            mass * (corner[b] + whole) + added(shape.grad[j, b] * stress[i][j] for j in range(3))
-            for b in range(4)
+    F = deformation_gradients(d, element, shape)
+    elastic = element.stress(F, wall.material, shape, n_nodes)
+    stress = []
+    for g, rate in enumerate(element.slopes(u, shape)):
+        strain_rate = product(transposed(F[g]), rate)
+        S = combined((wall.damping, strain_rate), (wall.damping, transposed(strain_rate)))
+        if prestress is not None:
+            S = combined((1.0, S), (1.0, prestress[:, :, g]))
+        stress.append(combined((1.0, elastic[g]), (1.0, product(F[g], S))))
+    return element.forces(tuple(stress), a, wall.rho_s * shape.volume, shape)
+
+
+def reference_tangent(
+    v: Float[Array, "3 nodes"],
+    weights: Weights,
+    wall: Wall,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None = None,
+) -> Float[Array, "3 nodes"]:
+    """Change of the wall's forces along v at the undeformed shape.
+
+    Args:
+        v: change of the unknown.
+        weights: what it does to acceleration, velocity and displacement.
+        wall: what the wall is made of.
+        element: elements of the wall.
+        shape: their geometry in the reference configuration.
+        prestress: see `solid_residual`.
+    """
+    n_nodes = v.shape[1]
+    slopes = element.slopes(v, shape)
+    lam, G = wall.material.moduli
+    hooke = LinearElastic.of_moduli(lam, G)
+    elastic = element.stress(tuple(plus_identity(H, 1.0) for H in slopes), hooke, shape, n_nodes)
+    eta = weights.u * wall.damping
+    stress = []
+    for g, H in enumerate(slopes):
+        P = combined((weights.d, elastic[g]), (eta, H), (eta, transposed(H)))
+        if prestress is not None:
+            P = combined((1.0, P), (weights.d, product(H, prestress[:, :, g])))
+        stress.append(P)
+    return element.forces(tuple(stress), v, weights.a * wall.rho_s * shape.volume, shape)
+
+
+def cauchy_stress(
+    d: Float[Array, "3 nodes"],
+    wall: Wall,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None = None,
+) -> Float[Array, "3 3 points tets"]:
+    """Elastic and prestress in the deformed wall, σ = P Fᵀ/J [dyn/cm²].
+
+    Args:
+        d: displacement from the reference configuration [cm].
+        wall: what the wall is made of.
+        element: elements of the wall.
+        shape: their geometry in the reference configuration.
+        prestress: see `solid_residual`.
+    """
+    F = deformation_gradients(d, element, shape)
+    elastic = element.stress(F, wall.material, shape, d.shape[1])
+    points = []
+    for g, P in enumerate(elastic):
+        whole = P
+        if prestress is not None:
+            whole = combined((1.0, P), (1.0, product(F[g], prestress[:, :, g])))
+        J = determinant(F[g])
+        points.append(
+            jnp.stack([jnp.stack([s / J for s in r]) for r in product(whole, transposed(F[g]))])
         )
-        rows.append(scatter(force, tets, n_nodes))
-    return jnp.stack(rows)
+    return jnp.stack(points, axis=2)

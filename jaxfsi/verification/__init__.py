@@ -3,4 +3,4 @@
 The exact solutions are written out by hand from the equations and share no code with the core.
 """
 
-from jaxfsi.verification.elasticity import ENERGIES, MATERIALS
+from jaxfsi.verification.elasticity import ENERGIES, MATERIALS, VOLUME_ENERGIES

@@ -71,3 +71,19 @@ ENERGIES: dict[type[AbstractMaterial], Callable[..., Float[Array, ""]]] = {
     NeoHookean: _neo_hookean,
 }
 """Stored energy of each material, (material, F) → W [dyn/cm²]."""
+
+
+def _half_square(q: Float[Array, " n"]) -> Float[Array, " n"]:
+    return q**2 / 2.0
+
+
+def _dilatation(q: Float[Array, " n"]) -> Float[Array, " n"]:
+    return (q**2 - 1.0) / 4.0 - jnp.log(q) / 2.0
+
+
+VOLUME_ENERGIES: dict[type[AbstractMaterial], tuple[Callable[..., Float[Array, " n"]], ...]] = {
+    LinearElastic: (_half_square,),
+    SaintVenantKirchhoff: (_half_square, _dilatation),
+    NeoHookean: (_dilatation,),
+}
+"""Energy U(q) at unit modulus of each measure of the volume of each material."""

@@ -12,6 +12,10 @@ materials = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIAL
 FINITE = {name: m for name, m in MATERIALS.items() if not isinstance(m, LinearElastic)}
 
 
+def _stress(material, F):
+    return jnp.asarray(material.stress(F))
+
+
 def _deformations(n: int = 6) -> jnp.ndarray:
     """Deformation gradients with strains of about 20 %, shape (3, 3, n)."""
     rng = np.random.default_rng(0)

@@ -34,11 +34,12 @@ BLOCK = BlockPort(RCR(R_proximal=200.0, C=1e-5, R_distal=2e3))
 INLETS = {"pressure": PressurePort(Constant(1e4)), "flow": FlowPort(Constant(5.0))}
 
 
-def _model(inlet, material, damping=0.0):
+def _model(inlet, material, damping=0.0, wall_element="linear"):
     mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1)
     wall = Wall(material, damping=damping, support_stiffness=1e5, support_damping=30.0)
     blood = Blood(viscosity=CarreauYasuda())
-    return build_model(mesh, {"inlet": inlet, "outlet": BLOCK}, blood=blood, wall=wall)
+    ports = {"inlet": inlet, "outlet": BLOCK}
+    return build_model(mesh, ports, blood=blood, wall=wall, wall_element=wall_element)
 
 
 def _random_state(model, *, d_wall: float, wall_moves: bool):
@@ -114,18 +115,27 @@ def test_products_lag_by_the_strain_where_the_wall_is_deformed():
     assert gaps[1] / gaps[0] == pytest.approx(10.0, rel=0.05)
 
 
+def test_operator_of_a_quadratic_wall_is_the_derivative_at_its_reference():
+    material = NeoHookean(3e6, 0.45)
+    model = _model(INLETS["pressure"], material, damping=50.0, wall_element="quadratic")
+    state = _random_state(model, d_wall=0.0, wall_moves=False)
+    # λ goes through E and ν, which loses 1/(1 − 2ν) in round-off.
+    assert _relative_difference(model, state, 2) < 1e-11
+
+
 def _part(kind: str):
     """The coupled model, its blood alone or its wall alone."""
     material = NeoHookean(3e6, 0.45)
-    if kind == "coupled":
-        return _model(INLETS["pressure"], material)
+    if kind in ("linear", "quadratic"):
+        return _model(INLETS["pressure"], material, wall_element=kind)
     sizes = {"radius": 0.5, "length": 1.0, "thickness": 0.1, "n_around": 8, "n_axial": 4}
     if kind == "dry":
-        return build_model(ring(n_layers=1, **sizes), {}, wall=Wall(material))
+        wall = Wall(material)
+        return build_model(ring(n_layers=1, **sizes), {}, wall=wall, wall_element="linear")
     return build_model(tube(n_layers=0, **sizes), {"inlet": INLETS["pressure"], "outlet": BLOCK})
 
 
-@pytest.mark.parametrize("kind", ["coupled", "rigid", "dry"])
+@pytest.mark.parametrize("kind", ["linear", "quadratic", "rigid", "dry"])
 def test_transposed_preconditioner_is_the_transpose(kind):
     model = _part(kind)
     M = preconditioner(DT, model, METHOD, dtype=np.float64)

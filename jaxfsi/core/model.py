@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxfsi.core.fluid import Blood
-from jaxfsi.core.ports import BlockPort, FlowPort, Port, PressurePort
+from jaxfsi.core.ports import FlowPort, HeldPort, OpenPort, Port
 from jaxfsi.core.profile import unit_flow_profile
 from jaxfsi.core.solid import Wall
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
@@ -30,7 +30,8 @@ class Model(eqx.Module):
         x: reference positions of the nodes [cm].
         fluid_tets: corners of the fluid elements.
         solid_tets: corners of the solid elements.
-        in_fluid: nodes that carry a pressure.
+        in_fluid: nodes that carry a pressure; where velocity is given at all openings of rigid
+            walls, all but one, from which the pressure counts.
         in_solid: nodes of the wall.
         held: nodes whose velocity is prescribed.
         mesh_held: fluid nodes that the mesh motion does not move.
@@ -106,11 +107,14 @@ def build_model(
         held |= _marked(n_nodes, mesh.labelled(INTERFACE))
     profiles = []
     for name, port in ports.items():
-        if isinstance(port, FlowPort):
-            profiles.append(jnp.asarray(unit_flow_profile(mesh, name).T))
+        flows = isinstance(port, FlowPort)
+        profiles.append(jnp.asarray(unit_flow_profile(mesh, name).T) if flows else None)
+        if isinstance(port, HeldPort):
             held |= _marked(n_nodes, mesh.labelled(name))
-        else:
-            profiles.append(None)
+    if len(fluid) and not len(solid) and all(isinstance(p, HeldPort) for p in ports.values()):
+        # Nothing sets the level of the pressure: it counts from one node, whose continuity
+        # equation follows from the others.
+        in_fluid[fluid[0, 0]] = False
     openings = _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
     outer = mesh.labelled(OUTER_WALL) if OUTER_WALL in mesh.label_names else np.zeros((0, 3), int)
     return Model(
@@ -148,7 +152,7 @@ def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tu
     faults += [
         f"the port {name!r} is a {type(port).__name__}"
         for name, port in ports.items()
-        if not isinstance(port, PressurePort | BlockPort | FlowPort)
+        if not isinstance(port, OpenPort | HeldPort)
     ]
     if wall is None and np.any(mesh.region == Region.SOLID):
         faults.append("the mesh has a wall but none is given")
@@ -156,5 +160,5 @@ def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tu
         raise ValueError(
             "; ".join(faults)
             + f". The mesh has the labels {', '.join(mesh.label_names)}; give each opening a"
-            " PressurePort, BlockPort or FlowPort."
+            " PressurePort, BlockPort, FlowPort or VelocityPort."
         )

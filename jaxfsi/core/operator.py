@@ -34,7 +34,7 @@ from jaxfsi.core.elements import (
 from jaxfsi.core.equations import BACKFLOW, Step, Unknowns, outer_share
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
-from jaxfsi.core.ports import FlowPort
+from jaxfsi.core.ports import HeldPort
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
 from lumped.parameters import Parameter
 
@@ -187,7 +187,7 @@ def _port_slope(
     """Derivative of the ports' forces along a change of velocity."""
     load = jnp.zeros_like(u)
     for i, (port, faces) in enumerate(zip(model.ports, model.port_faces, strict=True)):
-        if isinstance(port, FlowPort):
+        if isinstance(port, HeldPort):
             continue
         area = area_vectors(step.x, faces)
         P = step.Z[i] * flux(u, step.x, faces)

@@ -274,7 +274,9 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         y, norm, k, n_linear, _ = jax.lax.while_loop(
             proceed, correct, (start, first, zero, zero, r)
         )
-        return y, (n_linear, k, norm / jnp.where(first > 0.0, first, 1.0))
+        # As floats: the derivative rule of `custom_root` takes no integers.
+        counts = (n_linear.astype(float), k.astype(float))
+        return y, (*counts, norm / jnp.where(first > 0.0, first, 1.0))
 
     def tangent_solve(matvec, b):
         def solve(matvec, b):
@@ -286,4 +288,5 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         return jax.lax.custom_linear_solve(matvec, b, solve, transposed)
 
     flat, report = jax.lax.custom_root(equations, flat_guess, newton, tangent_solve, has_aux=True)
-    return unravel(flat), report
+    n_linear, n_nonlinear, remainder = report
+    return unravel(flat), (n_linear.astype(int), n_nonlinear.astype(int), remainder)

@@ -19,8 +19,8 @@ from jaxfsi.core.materials import NeoHookean
 from jaxfsi.core.model import Model, build_model
 from jaxfsi.core.ports import BlockPort, FlowPort
 from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepping import Stepper, prepare
+from jaxfsi.core.state import State
+from jaxfsi.core.stepping import Stepper
 from jaxfsi.mesh import Mesh
 from jaxfsi.meshing import tube
 from lumped.blocks import RCR
@@ -135,29 +135,6 @@ def outlet_pressure_slope(
         return outlet_pressure(p, model, state, stepper, n_steps)
 
     return jax.jvp(pressure, (parameters,), (direction,))[1]
-
-
-def order_in_time(model: Model, *, n_steps: int, t_end: float = 0.4 * PERIOD) -> float:
-    """Order of convergence of the velocity on one mesh, from steps halved twice.
-
-    The inflow starts from zero without a slope, so that the state of rest is consistent with it.
-
-    Args:
-        model: the problem.
-        n_steps: number of the longest steps.
-        t_end: time at which the velocities are compared [s].
-    """
-    still = with_parameters(model, TubeParameters(P_ref=0.0))
-    fields = []
-    for halving in range(3):
-        dt = t_end / (n_steps * 2**halving)
-        stepper = prepare(dt, still, tolerance=1e-7, max_linear=120, max_nonlinear=8)
-        state = initial_state(still)
-        for _ in range(2**halving):
-            state = march(still, state, stepper, n_steps).state
-        fields.append(state.u)
-    changes = [jnp.linalg.norm(fields[i + 1] - fields[i]) for i in range(2)]
-    return float(jnp.log2(changes[0] / changes[1]))
 
 
 def _shaped(model: Model, p: TubeParameters) -> Float[Array, "3 nodes"]:

@@ -7,7 +7,6 @@ noise of f over δ: with δ a thousandth of the parameter, f has to be solved to
 from collections.abc import Callable
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -75,8 +74,3 @@ def _difference(function, kind, values: np.ndarray, shift: np.ndarray) -> float:
         for sign in (1.0, -1.0)
     )
     return after - before
-
-
-def as_arrays(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
-    """The named tuple with double-precision arrays for numbers, as differentiation needs them."""
-    return jax.tree.map(lambda value: jnp.asarray(value, float), parameters)

@@ -93,6 +93,7 @@ def test_a_model_at_rest_stays_there(model, stepper):
     assert float(jnp.max(jnp.abs(end.state.u))) == 0.0
 
 
+@pytest.mark.slow
 def test_jit_equals_eager(model, stepper):
     state = initial_state(model)
     compiled = march(model, state, stepper, N_STEPS).history
@@ -103,6 +104,7 @@ def test_jit_equals_eager(model, stepper):
         np.testing.assert_allclose(state.P_port, compiled.P_port[i], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_batch_of_walls_equals_each_alone(model, stepper):
     state = initial_state(model)
     moduli = jnp.asarray([1e6, 1.5e6, 3e6])

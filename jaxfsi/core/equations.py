@@ -17,7 +17,7 @@ from jaxfsi.core.fluid import Frozen, fluid_residual, frozen
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.mesh_motion import MeshMotion, mesh_displacement
 from jaxfsi.core.model import Model
-from jaxfsi.core.ports import BlockPort, FlowPort, PressurePort
+from jaxfsi.core.ports import BlockPort, FlowPort, HeldPort, PressurePort, VelocityPort
 from jaxfsi.core.solid import Wall, solid_residual
 from jaxfsi.core.state import State
 from lumped.parameters import Parameter
@@ -71,9 +71,12 @@ class Step(NamedTuple):
 def held_velocity(t: Parameter, model: Model) -> Float[Array, "3 nodes"]:
     """Velocity of the held nodes at time t [cm/s]."""
     u = jnp.zeros((3, model.n_nodes))
-    for port, profile in zip(model.ports, model.profiles, strict=True):
+    for port, profile, faces in zip(model.ports, model.profiles, model.port_faces, strict=True):
         if isinstance(port, FlowPort) and profile is not None:
             u = u + port.flow(t) * profile
+        elif isinstance(port, VelocityPort):
+            on_port = jnp.zeros(model.n_nodes, bool).at[faces].set(True)
+            u = jnp.where(on_port, port.velocity(t, model.x), u)
     return u
 
 
@@ -181,7 +184,7 @@ def _port_load(
     """Forces of all ports on the nodes [dyn]."""
     load = jnp.zeros_like(u)
     for i, (port, faces) in enumerate(zip(model.ports, model.port_faces, strict=True)):
-        if isinstance(port, FlowPort):
+        if isinstance(port, HeldPort):
             continue
         area = area_vectors(step.x, faces)
         P = step.P_offset[i] + step.Z[i] * flux(y.u, step.x, faces)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxfsi.core.fluid import Blood
-from jaxfsi.core.ports import BlockPort, FlowPort, Port, PressurePort
+from jaxfsi.core.ports import FlowPort, HeldPort, OpenPort, Port
 from jaxfsi.core.profile import unit_flow_profile
 from jaxfsi.core.quadratic import QuadraticElement, numbered_edges
 from jaxfsi.core.solid import Wall
@@ -38,7 +38,8 @@ class Model(eqx.Module):
             wall's elements are quadratic, the vectors that bow their edges, which are zero.
         fluid_tets: corners of the fluid elements.
         element: elements of the wall, linear ones without members where there is none.
-        in_fluid: nodes that carry a pressure.
+        in_fluid: nodes that carry a pressure; where velocity is given at all openings of rigid
+            walls, all but one, from which the pressure counts.
         in_solid: nodes of the wall.
         held: nodes whose velocity is prescribed.
         mesh_held: fluid nodes that the mesh motion does not move.
@@ -134,12 +135,16 @@ def build_model(
         held |= _marked(n_nodes, mesh.labelled(INTERFACE))
     profiles = []
     for name, port in ports.items():
+        profile = None
         if isinstance(port, FlowPort):
-            profile = unit_flow_profile(mesh, name).T
-            profiles.append(jnp.asarray(np.pad(profile, ((0, 0), (0, n_edges)))))
+            profile = np.pad(unit_flow_profile(mesh, name).T, ((0, 0), (0, n_edges)))
+        profiles.append(None if profile is None else jnp.asarray(profile))
+        if isinstance(port, HeldPort):
             held |= _marked(n_nodes, mesh.labelled(name))
-        else:
-            profiles.append(None)
+    if len(fluid) and not len(solid) and all(isinstance(p, HeldPort) for p in ports.values()):
+        # Nothing sets the level of the pressure: it counts from one node, whose continuity
+        # equation follows from the others.
+        in_fluid[fluid[0, 0]] = False
     openings = _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
     outer = mesh.labelled(OUTER_WALL) if OUTER_WALL in mesh.label_names else np.zeros((0, 3), int)
     return Model(
@@ -199,7 +204,7 @@ def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tu
     faults += [
         f"the port {name!r} is a {type(port).__name__}"
         for name, port in ports.items()
-        if not isinstance(port, PressurePort | BlockPort | FlowPort)
+        if not isinstance(port, OpenPort | HeldPort)
     ]
     if wall is None and np.any(mesh.region == Region.SOLID):
         faults.append("the mesh has a wall but none is given")
@@ -207,5 +212,5 @@ def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tu
         raise ValueError(
             "; ".join(faults)
             + f". The mesh has the labels {', '.join(mesh.label_names)}; give each opening a"
-            " PressurePort, BlockPort or FlowPort."
+            " PressurePort, BlockPort, FlowPort or VelocityPort."
         )

@@ -42,7 +42,7 @@ from jaxfsi.core.equations import BACKFLOW, Step, Unknowns, outer_share
 from jaxfsi.core.fluid import fluid_residual
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
-from jaxfsi.core.ports import FlowPort
+from jaxfsi.core.ports import HeldPort
 from jaxfsi.core.quadratic import QuadraticElement
 from jaxfsi.core.solid import reference_tangent
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
@@ -231,7 +231,7 @@ def _port_slope(
     _, w_u, _ = method.weights(step.dt)
     load = jnp.zeros_like(u)
     for i, (port, faces) in enumerate(zip(model.ports, model.port_faces, strict=True)):
-        if isinstance(port, FlowPort):
+        if isinstance(port, HeldPort):
             continue
         area = area_vectors(step.x, faces)
         P = step.Z[i] * flux(u, step.x, faces)

@@ -42,6 +42,9 @@ from lumped.views import advance
 LEAST_REDUCTION = 1e-4
 """Furthest that one linear solve in single precision is asked to reduce its residual."""
 
+ROUND_OFF = 1e-14
+"""Share of the forces on a node below which their sum cannot be told from zero."""
+
 
 class RESULTS(eqx.Enumeration):
     """How a step ended."""
@@ -92,7 +95,8 @@ class StepReport(NamedTuple):
         result: see `RESULTS`.
         n_linear: iterations of GMRES in all.
         n_nonlinear: linear systems solved.
-        residual: weighted residual at the end over that of the extrapolated state.
+        residual: weighted residual at the end over that of the extrapolated state, or over a
+            multiple of the round-off of the forces where that is larger.
         least_volume: smallest volume of a fluid element over its reference volume.
     """
 
@@ -237,6 +241,11 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         )
         return scaled.x, scaled.n_iterations
 
+    def round_off(flat):
+        """Size of the forces that cancel, on the scale of the residuals, times the precision."""
+        strain = (step.state.d / stepper.method.weights(step.dt)[2]).reshape(-1) / weight[:n_u]
+        return ROUND_OFF * (jnp.linalg.norm(flat / weight) + jnp.linalg.norm(strain))
+
     def newton(function, start):
         # Corrections need few digits; what is left is measured in double precision.
         model_32, step_32, weight_32 = _single((model, step, weight))
@@ -255,7 +264,8 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
             return dy.astype(r.dtype) * scale, n
 
         r = function(start)
-        first = jnp.linalg.norm(weight * r)
+        # Where the extrapolated state is exact already, only round-off is left to reduce.
+        first = jnp.maximum(jnp.linalg.norm(weight * r), round_off(start) / stepper.tolerance)
 
         def proceed(s):
             _, norm, k, _, _ = s
@@ -274,7 +284,9 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         y, norm, k, n_linear, _ = jax.lax.while_loop(
             proceed, correct, (start, first, zero, zero, r)
         )
-        return y, (n_linear, k, norm / jnp.where(first > 0.0, first, 1.0))
+        # As floats: the derivative rule of `custom_root` takes no integers.
+        counts = (n_linear.astype(float), k.astype(float))
+        return y, (*counts, norm / jnp.where(first > 0.0, first, 1.0))
 
     def tangent_solve(matvec, b):
         def solve(matvec, b):
@@ -286,4 +298,5 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         return jax.lax.custom_linear_solve(matvec, b, solve, transposed)
 
     flat, report = jax.lax.custom_root(equations, flat_guess, newton, tangent_solve, has_aux=True)
-    return unravel(flat), report
+    n_linear, n_nonlinear, remainder = report
+    return unravel(flat), (n_linear.astype(int), n_nonlinear.astype(int), remainder)

@@ -93,7 +93,7 @@ def _march(model: Model, state: State, stepper: Stepper, n_steps: int) -> March:
         kept = jax.tree.map(lambda new, old: jnp.where(good, new, old), after, before)
         result = RESULTS.where(running, report.result, result)
         entry = History(kept.t, kept.P_port, kept.Q_port, report)
-        return (kept, done + good, result, report), entry
+        return (kept, jnp.where(good, done + 1, done), result, report), entry
 
     # One compiled step serves all: the last group is filled up with steps that do nothing.
     inner = max(1, math.isqrt(n_steps))

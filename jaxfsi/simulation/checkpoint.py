@@ -98,7 +98,7 @@ def load_checkpoint(path: pathlib.Path, like: State, run_hash: str) -> Checkpoin
         CheckpointError: the file is damaged, or belongs to another run.
     """
     try:
-        with np.load(path) as file:
+        with np.load(io.BytesIO(path.read_bytes())) as file:
             arrays = {name: file[name] for name in file.files}
         head = json.loads(arrays.pop("head").tobytes())
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:

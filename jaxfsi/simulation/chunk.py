@@ -97,7 +97,7 @@ def advance_chunk(
             kept,
             history,
             c.change.at[k].set(change),
-            k + good,
+            jnp.where(good, k + 1, k),
             report.result,
             good & (change > change_limit),
         )

@@ -82,6 +82,11 @@ SOLVER = (
     Quantity("dt", "time", "s", 1.0e-7, 0.1),
     Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),
     Quantity("n_steps", "number", "", 8.0, 1.0e6, whole=True),
+    Quantity("frames_per_cycle", "number", "", 1.0, 1000.0, whole=True),
+    Quantity("checkpoint_every", "number", "", 1.0, 1.0e6, whole=True),
+    Quantity("tolerance", "number", "", 1.0e-10, 0.1),
+    Quantity("max_halvings", "number", "", 0.0, 12.0, whole=True),
+    Quantity("change_limit", "number", "", 1.0e-6, 10.0),
 )
 MESH = (
     Word("preset", tuple(PRESETS), default="medium"),

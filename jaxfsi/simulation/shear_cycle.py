@@ -4,12 +4,14 @@
 
     TAWSS = 1/T ∫ |τ| dt,     OSI = ½ (1 − |∫ τ dt| / ∫ |τ| dt)
 
-over the time from `t_from` to the end of the run; trapezoids between the instants that are looked
-at. OSI is 0 where the direction never changes, ½ where the mean shear vanishes.
+over each cycle of length T; trapezoids between the instants that are looked at. The last cycle
+that was completed counts, or what there is of the first. OSI is 0 where the direction never
+changes, ½ where the mean shear vanishes.
 
 Source: He & Ku 1996 (J Biomech Eng 118:74), eqs. 1-2.
 """
 
+import math
 import pathlib
 from typing import NamedTuple
 
@@ -34,32 +36,41 @@ class ShearMeans(NamedTuple):
         osi: oscillatory shear index.
         mean: mean of the shear vector [dyn/cm²].
         duration: time averaged over [s].
+        t_end: its end [s].
     """
 
     tawss: Float[np.ndarray, " wall"]
     osi: Float[np.ndarray, " wall"]
     mean: Float[np.ndarray, "wall 3"]
     duration: float
+    t_end: float
 
 
 class ShearCycle(AbstractObserver):
-    """Adds up the wall shear stress of a run from a given time on."""
+    """Adds up the wall shear stress of each cycle of a run."""
 
-    def __init__(self, mesh: Mesh, *, every: int, t_from: float = 0.0):
+    def __init__(self, mesh: Mesh, *, every: int, period: float = math.inf):
         """Find the patches of the wall.
 
         Args:
             mesh: the mesh of the model; it must have blood and an interface.
-            every: whole steps between two looks; 40 looks a cycle give the mean to 1 %.
-            t_from: time from which on is averaged [s].
+            every: whole steps between two looks; 40 looks a cycle give the mean to 1 %. The end of
+                a cycle should be one of them.
+            period: length of a cycle [s], counted from t = 0; by default the whole run is one.
         """
         self._patches = wall_patches(mesh)
         self._points = mesh.points
-        self._every, self._t_from = every, t_from
+        self._every, self._period = every, period
         n = self._patches.nodes.shape[0]
-        self._size, self._vector = np.zeros(n), np.zeros((3, n))
-        self._last = np.zeros((3, n))
-        self._times = np.full(2, np.nan)  # of the first and of the last look
+        self._sums: Memory = {
+            "size": np.zeros(n),
+            "vector": np.zeros((3, n)),
+            "last": np.zeros((3, n)),
+            "times": np.full(2, np.nan),  # of the first and of the last look of this cycle
+            "whole_size": np.zeros(n),  # the same of the last whole cycle
+            "whole_vector": np.zeros((3, n)),
+            "whole_times": np.full(2, np.nan),
+        }
 
     @property
     def name(self) -> str:
@@ -72,41 +83,45 @@ class ShearCycle(AbstractObserver):
         return self._every
 
     def observe(self, step: int, model: Model, state: State) -> None:
-        """Add the trapezoid since the last look."""
+        """Add the trapezoid since the last look; a cycle that is over makes way for the next."""
         t = float(state.t)
-        if t < self._t_from - 1e-9 * max(abs(t), 1.0):
-            return
         shear = np.asarray(_shear(model, state, self._patches))
-        if np.isnan(self._times[0]):
-            self._times[:] = t
-        half = 0.5 * (t - self._times[1])
-        self._size += half * (np.linalg.norm(shear, axis=0) + np.linalg.norm(self._last, axis=0))
-        self._vector += half * (shear + self._last)
-        self._last, self._times[1] = shear, t
+        now = self._sums
+        if np.isnan(now["times"][0]):
+            now["times"] = np.array([t, t])
+        first, last = now["times"]
+        half = 0.5 * (t - last)
+        length = np.linalg.norm(shear, axis=0) + np.linalg.norm(now["last"], axis=0)
+        now["size"] = now["size"] + half * length
+        now["vector"] = now["vector"] + half * (shear + now["last"])
+        now["last"], now["times"] = shear, np.array([first, t])
+        if math.floor(t / self._period + 1e-6) > math.floor(first / self._period + 1e-6):
+            for name in ("size", "vector", "times"):
+                now[f"whole_{name}"] = now[name]
+                now[name] = np.zeros_like(now[name])
+            now["times"] = np.array([t, t])
 
     def memory(self) -> Memory:
-        """Integrals, the last shear and the times."""
-        return {
-            "size": self._size.copy(),
-            "vector": self._vector.copy(),
-            "last": self._last.copy(),
-            "times": self._times.copy(),
-        }
+        """Integrals, the last shear and the times; arrays are replaced, never changed."""
+        return dict(self._sums)
 
     def restore(self, step: int, memory: Memory) -> None:
         """Take the integrals of a checkpoint."""
-        self._size, self._vector = memory["size"].copy(), memory["vector"].copy()
-        self._last, self._times = memory["last"].copy(), memory["times"].copy()
+        self._sums = dict(memory)
 
     def means(self) -> ShearMeans | None:
-        """Averages so far; None before two looks."""
-        duration = float(self._times[1] - self._times[0])
+        """Averages over the last whole cycle, or over what there is of the first; None before."""
+        now = self._sums
+        whole = "" if np.isnan(now["whole_times"][0]) else "whole_"
+        first, last = now[f"{whole}times"]
+        duration = float(last - first)
         if not duration > 0.0:
             return None
-        length = np.linalg.norm(self._vector, axis=0)
-        osi = 0.5 * (1.0 - length / np.maximum(self._size, 1e-300))
-        osi = np.where(self._size > 0.0, np.clip(osi, 0.0, 0.5), 0.0)
-        return ShearMeans(self._size / duration, osi, self._vector.T / duration, duration)
+        size, vector = now[f"{whole}size"], now[f"{whole}vector"]
+        length = np.linalg.norm(vector, axis=0)
+        osi = np.clip(0.5 * (1.0 - length / np.maximum(size, 1e-300)), 0.0, 0.5)
+        osi = np.where(size > 0.0, osi, 0.0)
+        return ShearMeans(size / duration, osi, vector.T / duration, duration, float(last))
 
     def write(self, path: pathlib.Path) -> bool:
         """Write the averages as a VTU file of the interface; says whether there were any."""
@@ -120,7 +135,7 @@ class ShearCycle(AbstractObserver):
             "osi": means.osi,
             "mean_wss_dyn_per_cm2": means.mean,
         }
-        grid.write(path, float(self._times[1]), {n: v.astype("f4") for n, v in values.items()})
+        grid.write(path, means.t_end, {n: v.astype("f4") for n, v in values.items()})
         return True
 
 

@@ -63,6 +63,7 @@ class Glimpse(NamedTuple):
         P_port: mean pressure of each port [dyn/cm²].
         Q_port: flow out of each port [cm³/s].
         n_linear: iterations of the last step.
+        record: of all steps so far.
     """
 
     step: float
@@ -73,6 +74,7 @@ class Glimpse(NamedTuple):
     P_port: np.ndarray
     Q_port: np.ndarray
     n_linear: int
+    record: Record
 
 
 class Simulation(NamedTuple):
@@ -318,4 +320,5 @@ def _glimpse(
         np.asarray(run.state.P_port),
         np.asarray(run.state.Q_port),
         int(effort[-1]) if len(effort) else 0,
+        run.record,
     )

@@ -46,7 +46,7 @@ def pulsed_tube(*, rigid: bool = False) -> tuple[Mesh, Model, State]:
 def run(folder: pathlib.Path, n_steps: int, *, rigid: bool) -> None:
     """Run with fields, shear, checkpoints and a record."""
     mesh, model, state = pulsed_tube(rigid=rigid)
-    shear = ShearCycle(mesh, every=5, t_from=0.01)
+    shear = ShearCycle(mesh, every=5, period=0.1)
     end = simulate(
         model,
         state,

@@ -21,7 +21,7 @@ from jaxfsi.anatomy.anatomy import Anatomy, Centerline
 
 _DIRECTIONS = 720
 
-Segments = Float[np.ndarray, "segments 2 2"]
+Segments = Float[np.ndarray, "_ 2 2"]
 
 
 class Section(NamedTuple):

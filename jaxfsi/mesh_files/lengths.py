@@ -1,14 +1,13 @@
 """Length units of mesh files: declared by the caller, checked, never guessed."""
 
-from typing import Literal
-
 import numpy as np
 from jaxtyping import Float
 
 from jaxfsi.mesh_files.refusal import MeshFileError
 from lumped.units import MM
 
-Unit = Literal["cm", "mm"]
+Unit = str
+"""Length unit of a file, a key of `UNITS_CM`."""
 
 UNITS_CM: dict[str, float] = {"cm": 1.0, "mm": MM}
 """Length units of files [cm]."""

@@ -95,7 +95,7 @@ def find_loops(
         ValueError: an opening has no border, or several.
     """
     loops = _border_loops(surface.triangles)
-    found: list[Int[np.ndarray, " loop"]] = []
+    found: list[np.ndarray] = []
     for opening in openings:
         matching = []
         for loop in loops:
@@ -220,7 +220,7 @@ def _border_edges(triangles: Int[np.ndarray, "triangles 3"]) -> Int[np.ndarray, 
     return edges[count[back.ravel()] == 1]
 
 
-def _border_loops(triangles: Int[np.ndarray, "triangles 3"]) -> list[Int[np.ndarray, " loop"]]:
+def _border_loops(triangles: Int[np.ndarray, "triangles 3"]) -> list[Int[np.ndarray, " _"]]:
     edges = _border_edges(triangles)
     following = dict(edges.tolist())
     loops = []

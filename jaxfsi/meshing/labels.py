@@ -144,7 +144,7 @@ def labelled_mesh(
     points: Float[np.ndarray, "nodes 3"],
     tets: Int[np.ndarray, "tets 4"],
     region: Int[np.ndarray, " tets"],
-    groups: Mapping[str, Int[np.ndarray, "faces 3"]],
+    groups: Mapping[str, Int[np.ndarray, "_ 3"]],
 ) -> Mesh:
     """A mesh from one array of faces per label; labels without faces are left out."""
     kept = {name: faces for name, faces in groups.items() if len(faces)}
@@ -272,7 +272,7 @@ def complete_labels(
     points: Float[np.ndarray, "nodes 3"],
     tets: Int[np.ndarray, "tets 4"],
     region: Int[np.ndarray, " tets"],
-    named: Mapping[str, Int[np.ndarray, "faces 3"]],
+    named: Mapping[str, Int[np.ndarray, "_ 3"]],
 ) -> Mesh:
     """A labelled mesh from named faces of which the walls may be missing or turned.
 
@@ -323,7 +323,7 @@ def complete_labels(
 def _ring_of(
     points: Float[np.ndarray, "nodes 3"],
     solid: Int[np.ndarray, "solid 3"],
-    openings: list[Int[np.ndarray, "faces 3"]],
+    openings: list[Int[np.ndarray, "_ 3"]],
 ) -> Int[np.ndarray, " solid"]:
     """Opening whose cut wall each face of the solid is, −1 for none."""
     planes = []

@@ -9,8 +9,8 @@
 
 Under stress the rule of the case changes all blocks. Each starts from the periodic state that it
 has in 0D behind the aortic pressure (the anomalous one behind the surrogate of its artery), so that
-no cycles are lost on filling it; the blood starts at rest under the pressure of the inlet. The wall is
-free of stress at diastole: a constant pressure of that size acts on its outside.
+no cycles are lost on filling it; the blood starts at rest under the pressure of the inlet. The wall
+is free of stress at diastole: a constant pressure of that size acts on its outside.
 
 Source: Puelz et al. 2024, section 2.3.
 """

@@ -49,7 +49,7 @@ def ports(document: Document) -> str:
         for axes in (pressure, aorta, coronary):
             _cycles(axes, document)
             if axes.lines:
-                axes.legend(loc="upper right", ncols=3)
+                axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
         return svg(figure, "ports")
 
 

@@ -15,7 +15,7 @@ import pyvista as pv
 
 _WALL = "#cfc8bd"
 _PRESSURE, _SPEED, _MOVED, _SHEAR = "RdYlBu_r", "viridis", "magma_r", "plasma"
-_WIDTH, _HEIGHT = 330, 330
+_WIDTH, _HEIGHT, _SCALE = 330, 330, 110  # pixels
 
 
 def run(arrays: dict[str, np.ndarray], options: dict) -> dict[str, np.ndarray]:
@@ -56,30 +56,36 @@ def _range(parts, name: str, low: float, high: float) -> tuple[float, float]:
 
 
 def _plotter(columns: int) -> pv.Plotter:
+    """Panels of equal width, and a narrow one for the scale."""
     plotter = pv.Plotter(
         off_screen=True,
-        shape=(1, columns),
-        window_size=[_WIDTH * columns, _HEIGHT],
+        shape=(1, columns + 1),
+        window_size=[_WIDTH * columns + _SCALE, _HEIGHT],
+        col_weights=[_WIDTH] * columns + [_SCALE],
         border=False,
     )
     plotter.set_background("white")  # pyright: ignore[reportArgumentType]  wrapped method
     return plotter
 
 
-def _bar(title: str) -> Any:
-    return {
-        "title": title,
-        "color": "#1d2733",
-        "vertical": True,
-        "n_labels": 3,
-        "fmt": "%.3g",
-        "position_x": 0.8,
-        "position_y": 0.06,
-        "width": 0.1,
-        "height": 0.5,
-        "title_font_size": 13,
-        "label_font_size": 12,
-    }
+def _scale(plotter: pv.Plotter, columns: int, actor: Any, title: str) -> None:
+    """The scale of colours, in the last panel."""
+    plotter.subplot(0, columns)
+    plotter.add_scalar_bar(
+        title=title,
+        mapper=actor.mapper,
+        color="#1d2733",
+        vertical=True,
+        n_labels=4,
+        fmt="%.3g",
+        position_x=0.1,
+        position_y=0.1,
+        width=0.5,
+        height=0.75,
+        title_font_size=14,
+        label_font_size=13,
+        unconstrained_font_size=True,
+    )
 
 
 _TITLES = {
@@ -92,23 +98,23 @@ _TITLES = {
 
 def _slices(blood, wall, name: str, colours: Any, arrays: dict, half: str) -> bytes:
     low, high = _range(blood, name, 0.5, 99.5)
-    plotter = _plotter(len(blood))
+    plotter, actor = _plotter(len(blood)), None
     for column, (inside, outside) in enumerate(zip(blood, wall, strict=True)):
         plotter.subplot(0, column)
-        last = column == len(blood) - 1
         if outside.n_cells:
             plotter.add_mesh(outside, color=_WALL, lighting=False)
-        plotter.add_mesh(
+        actor = plotter.add_mesh(
             inside,
             scalars=name,
             cmap=colours,
             clim=(low, high),
             lighting=False,
-            show_scalar_bar=last,
-            scalar_bar_args=_bar(_TITLES[name]) if last else None,
+            show_scalar_bar=False,
         )
         plotter.enable_anti_aliasing("ssaa")
-        _look(plotter, arrays["focus"], arrays["normal"], arrays["up"], float(arrays[half]))
+        centre = arrays["focus"] - 0.2 * float(arrays[half]) * arrays["up"]
+        _look(plotter, centre, arrays["normal"], arrays["up"], float(arrays[half]))
+    _scale(plotter, len(blood), actor, _TITLES[name])
     return _png(plotter)
 
 
@@ -123,19 +129,17 @@ def _surfaces(grids, arrays: dict, rigid: bool) -> bytes:
     if rigid:
         name, colours = "shear", _SHEAR
     low, high = _range(parts, name, 0.0, 99.0)
-    plotter = _plotter(len(parts))
+    plotter, actor = _plotter(len(parts)), None
     for column, part in enumerate(parts):
         plotter.subplot(0, column)
-        last = column == len(parts) - 1
-        plotter.add_mesh(
+        actor = plotter.add_mesh(
             part,
             scalars=name,
             cmap=colours,
             clim=(low, high),
             smooth_shading=True,
             specular=0.1,
-            show_scalar_bar=last,
-            scalar_bar_args=_bar(_TITLES[name]) if last else None,
+            show_scalar_bar=False,
         )
         plotter.enable_anti_aliasing("ssaa")
         _look(
@@ -145,6 +149,7 @@ def _surfaces(grids, arrays: dict, rigid: bool) -> bytes:
             arrays["upright"],
             float(arrays["whole_half"]),
         )
+    _scale(plotter, len(parts), actor, _TITLES[name])
     return _png(plotter)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+import jaxfsi.simulation.simulation as simulation
 import study.mesh_case as mesh_case
 import study.simulation_run as simulation_run
 from jaxfsi.mesh_files import write_mesh
@@ -181,14 +182,23 @@ def test_interrupted_run_keeps_what_it_has_and_goes_on(case_file, command, tmp_p
     assert 0 < resumed.json["solver"]["resumed_from"] < 40
 
 
-def test_failed_run_keeps_what_it_has(case_file, command, tmp_path):
-    bad = case_file.with_name("hard.toml")
-    bad.write_text(CASE + "tolerance = 1e-10\nmax_halvings = 1\n")
-    found = command("simulate", bad, "--rigid", "--cycles", "0.1", folder=tmp_path)
+def test_failed_run_keeps_what_it_has(case_file, command, tmp_path, monkeypatch):
+    advance = simulation.advance_chunk
+
+    def spoil(model, state, *rest):
+        late = float(state.t) > 0.03
+        end = advance(model, state._replace(u=state.u * np.nan) if late else state, *rest)
+        return end._replace(state=state) if late else end
+
+    monkeypatch.setattr(simulation, "advance_chunk", spoil)
+    found = command("simulate", case_file, "--rigid", "--cycles", "0.1", folder=tmp_path)
     assert found.status == 1
-    assert "failed at t =" in found.stderr
+    assert "Step 20 failed at t = 0.04 s, also with a step of 0.000125 s" in found.stderr
     assert "What was computed before is in" in found.stderr
-    assert found.written("simulation.json")["failure"]
+    document = found.written("simulation.json")
+    assert "no longer finite" in document["failure"]
+    assert document["solver"]["steps_done"] == 20
+    assert len(document["events"]) == 4
 
 
 def test_blocks_start_in_the_periodic_state(case_file):

@@ -37,6 +37,7 @@ class WallParameters:
         E: Young's modulus [dyn/cm²].
         nu: Poisson's ratio [-].
         rho_s: density [g/cm³].
+        material: elastic law in 3D.
         thickness_per_radius: wall thickness over local lumen radius [-].
         thickness_min: smallest thickness [cm], if bounded.
         thickness_max: largest thickness [cm], if bounded.
@@ -45,6 +46,7 @@ class WallParameters:
     E: float = 1.5e7
     nu: float = 0.49
     rho_s: float = 1.0
+    material: Literal["linear", "saint_venant_kirchhoff", "neo_hookean"] = "saint_venant_kirchhoff"
     thickness_per_radius: float = 0.1
     thickness_min: float | None = None
     thickness_max: float | None = None

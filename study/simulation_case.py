@@ -26,7 +26,7 @@ import numpy as np
 from calibration import alpha_closed_form, calibrate_alpha, systemic_windkessel
 from jaxfsi import OUTER_WALL, Mesh, Region, submesh
 from jaxfsi.core.fluid import Blood
-from jaxfsi.core.materials import SaintVenantKirchhoff
+from jaxfsi.core.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
 from jaxfsi.core.model import Model, build_model
 from jaxfsi.core.ports import BlockPort, Port, PressurePort
 from jaxfsi.core.solid import Wall
@@ -62,6 +62,13 @@ CYCLES = 4
 
 FRAMES = 40
 """Frames of fields in a cycle where the case says nothing."""
+
+MATERIALS = {
+    "linear": LinearElastic,
+    "saint_venant_kirchhoff": SaintVenantKirchhoff,
+    "neo_hookean": NeoHookean,
+}
+"""Elastic laws of the wall by name."""
 
 LARGEST_NU = 0.499
 """Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
@@ -237,7 +244,7 @@ def prepare_simulation(
         blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
         wall=None
         if rigid
-        else Wall(SaintVenantKirchhoff(case.wall.E, case.wall.nu), rho_s=case.wall.rho_s),
+        else Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s),
     )
     starts = tuple(
         jnp.asarray(outlets.starts[name]) if name in outlets.starts else None for name in ports

@@ -71,7 +71,7 @@ def _plotter(columns: int) -> pv.Plotter:
 def _scale(plotter: pv.Plotter, columns: int, actor: Any, title: str) -> None:
     """The scale of colours, in the last panel."""
     plotter.subplot(0, columns)
-    plotter.add_scalar_bar(
+    plotter.add_scalar_bar(  # pyright: ignore[reportCallIssue]  wrapped method
         title=title,
         mapper=actor.mapper,
         color="#1d2733",

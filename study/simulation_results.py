@@ -60,6 +60,7 @@ def simulation_document(
         "patient": case.id,
         "condition": condition,
         "rigid": setup.model.is_rigid,
+        "material": None if setup.model.is_rigid else case.wall.material,
         "ratio_name": name,
         name: whole[-1]["ratio"] if whole else None,
         "measured": case.conditions[condition].ffr,

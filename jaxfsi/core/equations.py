@@ -8,6 +8,7 @@ mass of the blood is implicit.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -139,13 +140,12 @@ def begin_step(
 
 def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> Unknowns:
     """Residual of the equations of a step; rows of held unknowns say what they are held at."""
-    dt, old = step.dt, step.state
-    a_new = method.acceleration(dt, old.u, old.a, y.u)
-    d_new = method.displacement(dt, old.d, old.u, old.a, a_new)
-    u = old.u + method.alpha_f * (y.u - old.u)
-    a = old.a + method.alpha_m * (a_new - old.a)
-    d = old.d + method.alpha_f * (d_new - old.d)
-    p = old.p + method.alpha_f * (y.p - old.p)
+    # As a branch, so that XLA does not repeat these sums at every corner of every element.
+    u, a, d, p = jax.lax.cond(
+        step.dt > 0.0,
+        lambda: _between(y, step, method),
+        lambda: (y.u, step.state.a, step.state.d, y.p),
+    )
     r_u, r_p = fluid_residual(
         u, a, p, model.blood, step.coefficients, model.fluid_tets, step.fluid_shape
     )
@@ -157,6 +157,20 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         jnp.where(model.held, y.u - step.u_held, r_u),
         jnp.where(model.in_fluid, r_p, y.p),
     )
+
+
+def _between(
+    y: Unknowns, step: Step, method: GeneralizedAlpha
+) -> tuple[Float[Array, "3 nodes"], ...]:
+    """Velocity, acceleration, displacement and pressure at which a step's equations hold."""
+    dt, old = step.dt, step.state
+    a_new = method.acceleration(dt, old.u, old.a, y.u)
+    d_new = method.displacement(dt, old.d, old.u, old.a, a_new)
+    u = old.u + method.alpha_f * (y.u - old.u)
+    a = old.a + method.alpha_m * (a_new - old.a)
+    d = old.d + method.alpha_f * (d_new - old.d)
+    p = old.p + method.alpha_f * (y.p - old.p)
+    return u, a, d, p
 
 
 def _port_load(

@@ -48,7 +48,7 @@ def _least_squares(
     right = norm * q[0]
     r = r + jnp.diag(jnp.where(used, 0.0, 1.0))
     y = jnp.where(used, jax.scipy.linalg.solve_triangular(r, jnp.where(used, right, 0.0)), 0.0)
-    remainder = jnp.zeros(H.shape[0]).at[0].set(norm) - H @ y
+    remainder = jnp.zeros(H.shape[0], H.dtype).at[0].set(norm) - H @ y
     return y, jnp.linalg.norm(remainder)
 
 
@@ -78,22 +78,25 @@ def fgmres(
     def extend(s: _Arnoldi) -> _Arnoldi:
         z = preconditioner(s.basis[s.k])
         w = operator(z)
-        h = s.basis @ w
-        w = w - h @ s.basis
-        again = s.basis @ w
-        w = w - again @ s.basis
+
+        def orthogonalise(i, carry):  # row by row, so that unused rows are not read
+            w, h = carry
+            overlap = jnp.vdot(s.basis[i], w)
+            return w - overlap * s.basis[i], h.at[i].set(overlap)
+
+        w, h = jax.lax.fori_loop(0, s.k + 1, orthogonalise, (w, jnp.zeros(m + 1, b.dtype)))
         length = jnp.linalg.norm(w)
         basis = s.basis.at[s.k + 1].set(jnp.where(length > 0.0, w / length, 0.0))
-        hessenberg = s.hessenberg.at[:, s.k].set((h + again).at[s.k + 1].set(length))
+        hessenberg = s.hessenberg.at[:, s.k].set(h.at[s.k + 1].set(length))
         _, residual = _least_squares(hessenberg, s.k + 1, norm)
         return _Arnoldi(s.k + 1, basis, s.directions.at[s.k].set(z), hessenberg, residual)
 
     n = b.shape[0]
     start = _Arnoldi(
         jnp.zeros((), int),
-        jnp.zeros((m + 1, n)).at[0].set(jnp.where(norm > 0.0, b / norm, 0.0)),
-        jnp.zeros((m, n)),
-        jnp.zeros((m + 1, m)),
+        jnp.zeros((m + 1, n), b.dtype).at[0].set(jnp.where(norm > 0.0, b / norm, 0.0)),
+        jnp.zeros((m, n), b.dtype),
+        jnp.zeros((m + 1, m), b.dtype),
         norm,
     )
     end = jax.lax.while_loop(proceed, extend, start)

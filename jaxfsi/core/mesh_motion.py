@@ -18,8 +18,8 @@ from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.assembly import assembled, host_geometry, stiffness
 from jaxfsi.core.elements import Geometry, added, corners, gradient, scatter
-from jaxfsi.core.level_factor import LevelFactor, level_factor, level_solve
 from jaxfsi.core.model import Model
+from jaxfsi.core.nested_factor import NestedFactor, nested_factor, nested_solve
 
 
 class MeshMotion(eqx.Module):
@@ -32,7 +32,7 @@ class MeshMotion(eqx.Module):
         tets: corners of the fluid elements.
     """
 
-    factor: LevelFactor
+    factor: NestedFactor
     free: Int[Array, " free"]
     shape: Geometry
     tets: Int[Array, "4 tets"]
@@ -45,8 +45,8 @@ def mesh_motion(model: Model) -> MeshMotion:
     matrix = assembled(tets, stiffness(shape, 1.0 / shape.volume), len(points))
     free = np.flatnonzero(~np.asarray(model.mesh_held))
     return MeshMotion(
-        level_factor(matrix[free][:, free]),
-        jnp.asarray(free),
+        nested_factor(matrix[free][:, free], points=points[free]),
+        jnp.asarray(free, jnp.int32),
         Geometry(jnp.asarray(np.moveaxis(shape.grad, 0, 2).swapaxes(0, 1)), jnp.ones(len(tets))),
         model.fluid_tets,
     )
@@ -67,6 +67,6 @@ def mesh_displacement(
         grad = motion.shape.grad
         flux = tuple(added(grad[j, b] * slope[j] for j in range(3)) for b in range(4))
         residual = scatter(flux, motion.tets, d.shape[0])[motion.free]
-        return d.at[motion.free].add(-level_solve(motion.factor, residual))
+        return d.at[motion.free].add(-nested_solve(motion.factor, residual))
 
     return jax.vmap(component)(d_interface)

@@ -115,8 +115,8 @@ def build_model(
     outer = mesh.labelled(OUTER_WALL) if OUTER_WALL in mesh.label_names else np.zeros((0, 3), int)
     return Model(
         x=jnp.asarray(mesh.points.T, float),
-        fluid_tets=jnp.asarray(fluid.T),
-        solid_tets=jnp.asarray(solid.T),
+        fluid_tets=jnp.asarray(fluid.T, jnp.int32),
+        solid_tets=jnp.asarray(solid.T, jnp.int32),
         in_fluid=jnp.asarray(in_fluid),
         in_solid=jnp.asarray(in_solid),
         held=jnp.asarray(held),
@@ -125,8 +125,8 @@ def build_model(
         wall=wall if len(solid) else None,
         ports=tuple(ports.values()),
         profiles=tuple(profiles),
-        port_faces=tuple(jnp.asarray(mesh.labelled(name).T) for name in ports),
-        outer_faces=jnp.asarray(outer.T),
+        port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
+        outer_faces=jnp.asarray(outer.T, jnp.int32),
         names=tuple(ports),
     )
 

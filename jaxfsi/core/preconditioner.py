@@ -18,11 +18,11 @@ Schur complement; 5 with an exact blood block.
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
-from scipy.sparse.linalg import splu
 
 from jaxfsi.core.assembly import (
     MASS,
@@ -35,8 +35,8 @@ from jaxfsi.core.assembly import (
 )
 from jaxfsi.core.elements import added, corners, scatter, total, vector_corners
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
-from jaxfsi.core.level_factor import LevelFactor, level_factor, level_solve
 from jaxfsi.core.model import Model
+from jaxfsi.core.nested_factor import NestedFactor, nested_factor, nested_solve
 
 
 class Preconditioner(eqx.Module):
@@ -54,10 +54,10 @@ class Preconditioner(eqx.Module):
         pressure_scale: S^(−1/2) of each pressure, by its diagonal.
     """
 
-    wall: LevelFactor
+    wall: NestedFactor
     wall_nodes: Int[Array, " wall"]
     inverse_diagonal: Float[Array, "3 nodes"]
-    pressure: LevelFactor
+    pressure: NestedFactor
     pressure_nodes: Int[Array, " wet"]
     gradient: Float[Array, "3 4 tets"]
     fluid_tets: Int[Array, "4 tets"]
@@ -86,46 +86,30 @@ def preconditioner(
     wall_nodes = np.flatnonzero(in_solid & ~held)
     unknowns = (3 * wall_nodes[:, None] + np.arange(3)).ravel()
     A_wall = blocks.A_wall[unknowns][:, unknowns]
+    wall = nested_factor(A_wall, block=3, points=points[wall_nodes], dtype=dtype)
     free_fluid = in_fluid & ~in_solid & ~held
     inverse_diagonal = np.where(free_fluid[:, None], 1.0 / blocks.diagonal, 0.0)
     wet = np.flatnonzero(in_fluid)
     S = blocks.C
     for i in range(3):
         S = S - blocks.D[i] @ sp.diags(inverse_diagonal[:, i]) @ blocks.G[i]
-    S = S + sp.diags(_wall_response(blocks, A_wall, wall_nodes, in_fluid & in_solid))
+    S = S + sp.diags(_wall_response(blocks, wall, wall_nodes, in_fluid & in_solid))
     S = ((S + S.T) / 2.0).tocsr()[wet][:, wet]
     S_diagonal = np.ones(len(points))
     S_diagonal[wet] = S.diagonal()
     alpha_f = method.alpha_f
     grad = -alpha_f * shape.grad * shape.volume[:, None, None] / 4.0
     return Preconditioner(
-        level_factor(A_wall, block=3, dtype=dtype, starts=_ends(model, wall_nodes)),
-        jnp.asarray(wall_nodes),
-        jnp.asarray(inverse_diagonal.T),
-        level_factor(S, dtype=dtype, starts=_ends(model, wet)),
-        jnp.asarray(wet),
-        jnp.asarray(np.moveaxis(grad, 0, 2).swapaxes(0, 1)),
+        wall,
+        jnp.asarray(wall_nodes, jnp.int32),
+        jnp.asarray(inverse_diagonal.T, dtype),
+        nested_factor(S, points=points[wet], dtype=dtype),
+        jnp.asarray(wet, jnp.int32),
+        jnp.asarray(np.moveaxis(grad, 0, 2).swapaxes(0, 1), dtype),
         model.fluid_tets,
         jnp.asarray(np.where(held[:, None], 1.0, blocks.diagonal**-0.5).T),
         jnp.asarray(S_diagonal**-0.5),
     )
-
-
-def _ends(model: Model, nodes: Int[np.ndarray, " part"]) -> list[np.ndarray]:
-    """Places among `nodes` of what lies on or next to each opening."""
-    tets = np.concatenate([np.asarray(model.fluid_tets).T, np.asarray(model.solid_tets).T])
-    place = np.full(model.n_nodes, -1)
-    place[nodes] = np.arange(len(nodes))
-    ends = []
-    for faces in model.port_faces:
-        reached = np.zeros(model.n_nodes, bool)
-        reached[np.asarray(faces)] = True
-        n_before = 0
-        while n_before < np.sum(reached) and not np.any(place[reached] >= 0):
-            n_before = np.sum(reached)
-            reached[tets[np.any(reached[tets], axis=1)]] = True
-        ends.append(place[reached][place[reached] >= 0])
-    return ends
 
 
 def _per_tet(value: object, n: int) -> Float[np.ndarray, " tets"]:
@@ -192,14 +176,15 @@ def _diagonal(tets, shape, mass, lam, G, n_nodes) -> Float[np.ndarray, "nodes 3"
     )
 
 
-def _wall_response(blocks, A_wall, wall_nodes, interface) -> Float[np.ndarray, " nodes"]:
+def _wall_response(blocks, wall, wall_nodes, interface) -> Float[np.ndarray, " nodes"]:
     """Volume flow that a uniform unit pressure presses into the wall at each interface node."""
     response = np.zeros(len(interface))
     if not len(wall_nodes):
         return response
     ones = np.ones(len(interface))
     push = np.stack([-(G @ ones)[wall_nodes] for G in blocks.G], axis=1)
-    velocity = splu(A_wall.tocsc()).solve(push.ravel()).reshape(-1, 3)
+    solved = jax.jit(nested_solve)(wall, jnp.asarray(push.ravel()))
+    velocity = np.asarray(solved).reshape(-1, 3)
     for i in range(3):
         field = np.zeros(len(interface))
         field[wall_nodes] = velocity[:, i]
@@ -227,25 +212,29 @@ def _weak_gradient_transposed(
 
 
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
-    solved = level_solve(M.wall, r[:, M.wall_nodes].T.reshape(-1)).reshape(-1, 3).T
+    solved = nested_solve(M.wall, r[:, M.wall_nodes].T.reshape(-1)).reshape(-1, 3).T
     return (r * M.inverse_diagonal).at[:, M.wall_nodes].set(solved)
 
 
 def _pressure_solve(M: Preconditioner, r: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
-    return jnp.zeros_like(r).at[M.pressure_nodes].set(level_solve(M.pressure, r[M.pressure_nodes]))
+    return jnp.zeros_like(r).at[M.pressure_nodes].set(nested_solve(M.pressure, r[M.pressure_nodes]))
 
 
 def precondition(
     M: Preconditioner, r_u: Float[Array, "3 nodes"], r_p: Float[Array, " nodes"]
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
-    """Apply the approximate inverse to residuals of momentum and continuity."""
-    z_p = _pressure_solve(M, r_p)
-    return _velocity_solve(M, r_u - _weak_gradient(M, z_p)), z_p
+    """Apply the approximate inverse to residuals of momentum and continuity, in its precision."""
+    dtype = M.inverse_diagonal.dtype
+    z_p = _pressure_solve(M, r_p.astype(dtype))
+    z_u = _velocity_solve(M, r_u.astype(dtype) - _weak_gradient(M, z_p))
+    return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)
 
 
 def precondition_transposed(
     M: Preconditioner, r_u: Float[Array, "3 nodes"], r_p: Float[Array, " nodes"]
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
     """Apply the transpose of `precondition`; Â and S are symmetric."""
-    z_u = _velocity_solve(M, r_u)
-    return z_u, _pressure_solve(M, r_p - _weak_gradient_transposed(M, z_u))
+    dtype = M.inverse_diagonal.dtype
+    z_u = _velocity_solve(M, r_u.astype(dtype))
+    z_p = _pressure_solve(M, r_p.astype(dtype) - _weak_gradient_transposed(M, z_u))
+    return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)

@@ -42,21 +42,27 @@ def pattern(tets: Int[np.ndarray, "tets 4"], n_nodes: int) -> Pattern:
     neighbour = np.tile(np.arange(n_nodes), (n_columns, 1))
     neighbour[rank, rows] = columns
     slot = (rank * n_nodes + rows)[index].reshape(len(tets), 4, 4)
-    return Pattern(jnp.asarray(neighbour), jnp.asarray(np.moveaxis(slot, 0, 2)))
+    return Pattern(
+        jnp.asarray(neighbour, jnp.int32), jnp.asarray(np.moveaxis(slot, 0, 2), jnp.int32)
+    )
 
 
-def assemble(entries: Sequence[Float[Array, " tets"]], pattern: Pattern) -> Values:
-    """Sum element matrices into a stencil.
+def assemble(
+    entries: Sequence[Sequence[Float[Array, " tets"]]], pattern: Pattern
+) -> tuple[Values, ...]:
+    """Sum element matrices into stencils.
 
     Args:
-        entries: the sixteen entries of the element matrices, row by row.
+        entries: of each stencil the sixteen entries of the element matrices, row by row.
         pattern: of the same elements.
     """
-    shape = pattern.neighbour.shape
-    flat = jnp.zeros(shape[0] * shape[1], entries[0].dtype)
-    for index, entry in enumerate(entries):
-        flat = flat.at[pattern.slot[index // 4, index % 4]].add(entry)
-    return flat.reshape(shape)
+    n_columns, n_nodes = pattern.neighbour.shape
+    # All stencils in one sum, side by side: what costs is to find the place.
+    flat = jnp.zeros((n_columns * n_nodes, len(entries)), entries[0][0].dtype)
+    for index in range(16):
+        block = jnp.stack([matrix[index] for matrix in entries], axis=1)
+        flat = flat.at[pattern.slot[index // 4, index % 4]].add(block)
+    return tuple(jnp.moveaxis(flat.reshape(n_columns, n_nodes, len(entries)), 2, 0))
 
 
 def apply(

@@ -26,9 +26,7 @@ from jaxfsi.core.mesh_motion import MeshMotion, mesh_motion
 from jaxfsi.core.model import Model
 from jaxfsi.core.operator import (
     WallStencil,
-    apply_step,
-    assemble_step,
-    fluid_pattern,
+    apply_elements,
     wall_stencil,
 )
 from jaxfsi.core.ports import BlockPort
@@ -39,8 +37,10 @@ from jaxfsi.core.preconditioner import (
     preconditioner,
 )
 from jaxfsi.core.state import State
-from jaxfsi.core.stencil import Pattern
 from lumped.views import advance
+
+LEAST_REDUCTION = 1e-4
+"""Furthest that one linear solve in single precision is asked to reduce its residual."""
 
 
 class RESULTS(eqx.Enumeration):
@@ -68,7 +68,6 @@ class Stepper(eqx.Module):
         dt: length of a step [s].
         motion: of the blood's mesh; None where the wall is rigid.
         preconditioner: of the linear systems.
-        fluid_pattern: of the stencils of the blood.
         wall_stencil: tangent of the wall; None without one.
         method: coefficients in time (static).
         tolerance: by how much the residual of the extrapolated state is reduced (static).
@@ -79,7 +78,6 @@ class Stepper(eqx.Module):
     dt: Float[Array, ""]
     motion: MeshMotion | None
     preconditioner: Preconditioner
-    fluid_pattern: Pattern
     wall_stencil: WallStencil | None
     method: GeneralizedAlpha = eqx.field(static=True)
     tolerance: float = eqx.field(static=True)
@@ -138,7 +136,6 @@ def prepare(
         jnp.asarray(dt, float),
         mesh_motion(model) if moves else None,
         preconditioner(dt, model, method),
-        fluid_pattern(model),
         wall_stencil(dt, model, method),
         method,
         tolerance,
@@ -204,6 +201,11 @@ def _mean_pressure(
     return jnp.sum(jnp.mean(p[faces], axis=0) * area) / jnp.sum(area)
 
 
+def _single(tree):
+    """The same in single precision."""
+    return jax.tree.map(lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, tree)
+
+
 def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
     """Solve the equations of a step, with the derivative of the implicit function theorem."""
     flat_guess, unravel = ravel_pytree(jax.lax.stop_gradient(guess))
@@ -225,7 +227,7 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         z = jnp.concatenate([q.reshape(-1) for q in precondition_transposed(M, *split(flat))])
         return jnp.where(held, flat, z)
 
-    def linear_solve(matvec, b, solve_with, tolerance):
+    def linear_solve(matvec, b, solve_with, weight, tolerance):
         scaled = fgmres(
             lambda v: weight * matvec(v),
             weight * b,
@@ -236,13 +238,21 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         return scaled.x, scaled.n_iterations
 
     def newton(function, start):
-        operator = assemble_step(
-            model, step, stepper.method, stepper.fluid_pattern, stepper.wall_stencil
-        )
+        # Corrections need few digits; what is left is measured in double precision.
+        model_32, step_32, weight_32 = _single((model, step, weight))
+        wall_32 = _single(stepper.wall_stencil)
+        _, unravel_32 = ravel_pytree(_single(guess))
 
         def tangent(flat):
-            product = apply_step(operator, unravel(flat), model, step, stepper.method)
+            v = unravel_32(flat)
+            product = apply_elements(v, model_32, step_32, stepper.method, wall_32)
             return ravel_pytree(product)[0]
+
+        def correction(r, tolerance):
+            scale = jnp.linalg.norm(weight * r)
+            scaled = (r / scale).astype(jnp.float32)
+            dy, n = linear_solve(tangent, scaled, inverse, weight_32, tolerance)
+            return dy.astype(r.dtype) * scale, n
 
         r = function(start)
         first = jnp.linalg.norm(weight * r)
@@ -254,8 +264,8 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
         def correct(s):
             y, norm, k, n_linear, r = s
             # only as far as this step's tolerance asks for
-            goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, 1e-10)
-            dy, n = linear_solve(tangent, r, inverse, goal)
+            goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
+            dy, n = correction(r, goal)
             y = y - dy
             r = function(y)
             return y, jnp.linalg.norm(weight * r), k + 1, n_linear + n, r
@@ -268,10 +278,10 @@ def _solve(guess: Unknowns, model: Model, step: Step, stepper: Stepper):
 
     def tangent_solve(matvec, b):
         def solve(matvec, b):
-            return linear_solve(matvec, b, inverse, 1e-8)[0]
+            return linear_solve(matvec, b, inverse, weight, 1e-8)[0]
 
         def transposed(vecmat, b):
-            return linear_solve(vecmat, b, inverse_transposed, 1e-8)[0]
+            return linear_solve(vecmat, b, inverse_transposed, weight, 1e-8)[0]
 
         return jax.lax.custom_linear_solve(matvec, b, solve, transposed)
 

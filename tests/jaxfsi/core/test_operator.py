@@ -1,4 +1,4 @@
-"""The stencils of a step against the derivative of its equations; the transposed preconditioner."""
+"""Products of a step against the derivative of its equations; the transposed preconditioner."""
 
 import equinox as eqx
 import jax
@@ -12,7 +12,13 @@ from jaxfsi.core.generalized_alpha import generalized_alpha
 from jaxfsi.core.materials import LinearElastic, NeoHookean
 from jaxfsi.core.mesh_motion import mesh_motion
 from jaxfsi.core.model import build_model
-from jaxfsi.core.operator import apply_step, assemble_step, fluid_pattern, wall_stencil
+from jaxfsi.core.operator import (
+    apply_elements,
+    apply_step,
+    assemble_step,
+    fluid_pattern,
+    wall_stencil,
+)
 from jaxfsi.core.ports import BlockPort, FlowPort, PressurePort
 from jaxfsi.core.preconditioner import precondition, precondition_transposed, preconditioner
 from jaxfsi.core.solid import Wall
@@ -58,13 +64,13 @@ def _random_state(model, *, d_wall: float, wall_moves: bool):
 
 @eqx.filter_jit
 def _products(model, state, v, motion, fluid, wall):
-    """Change of the equations along v, by their derivative and by the stencils."""
+    """Change of the equations along v: by their derivative, by stencils and by elements."""
     step = begin_step(jnp.asarray(DT), model, state, METHOD, motion)
     y = Unknowns(state.u, state.p)
     _, exact = jax.jvp(lambda y: residual(y, model, step, METHOD), (y,), (v,))
-    return exact, apply_step(
-        assemble_step(model, step, METHOD, fluid, wall), v, model, step, METHOD
-    )
+    operator = assemble_step(model, step, METHOD, fluid, wall)
+    by_stencils = apply_step(operator, v, model, step, METHOD)
+    return exact, by_stencils, apply_elements(v, model, step, METHOD, wall)
 
 
 def _relative_difference(model, state, seed: int) -> float:
@@ -73,30 +79,31 @@ def _relative_difference(model, state, seed: int) -> float:
         jnp.asarray(rng.standard_normal(model.x.shape)),
         100.0 * jnp.asarray(rng.standard_normal(model.n_nodes)),
     )
-    exact, found = _products(
+    exact, *found = _products(
         model, state, v, mesh_motion(model), fluid_pattern(model), wall_stencil(DT, model, METHOD)
     )
     return max(
         float(jnp.linalg.norm(f - e) / jnp.linalg.norm(e))
-        for f, e in zip(found, exact, strict=True)
+        for product in found
+        for f, e in zip(product, exact, strict=True)
     )
 
 
 @pytest.mark.parametrize("inlet", INLETS.values(), ids=INLETS)
-def test_stencils_are_the_derivative_of_the_equations(inlet):
+def test_stencils_and_elements_are_the_derivative_of_the_equations(inlet):
     # The equations are linear in the unknowns with Hooke's law: round-off remains.
     model = _model(inlet, LinearElastic(3e6, 0.45))
     state = _random_state(model, d_wall=0.01, wall_moves=True)
     assert _relative_difference(model, state, 1) < 1e-12
 
 
-def test_stencils_of_a_damped_wall_are_exact_at_its_reference():
+def test_products_of_a_damped_wall_are_exact_at_its_reference():
     model = _model(INLETS["pressure"], NeoHookean(3e6, 0.45), damping=50.0)
     state = _random_state(model, d_wall=0.0, wall_moves=False)
     assert _relative_difference(model, state, 2) < 1e-12
 
 
-def test_stencils_lag_by_the_strain_where_the_wall_is_deformed():
+def test_products_lag_by_the_strain_where_the_wall_is_deformed():
     model = _model(INLETS["pressure"], NeoHookean(3e6, 0.45), damping=50.0)
     gaps = [
         _relative_difference(model, _random_state(model, d_wall=d, wall_moves=False), 3)

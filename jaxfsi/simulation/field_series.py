@@ -14,7 +14,8 @@ mesh in the blood) moves them: Warp By Vector in ParaView, ``warp_by_vector`` in
 | ``von_mises_dyn_per_cm2`` | cells | its von Mises stress; all cell arrays are 0 in the blood |
 | ``strain`` | cells | Green's strain of the wall, in the same order |
 
-Fields are in single precision: the files are half as large, and nobody looks at more digits.
+Stress and strain are those of the vertices' displacement, prestress included. Fields are in single
+precision: the files are half as large.
 """
 
 import pathlib
@@ -75,6 +76,7 @@ class FieldSeries(AbstractObserver):
     def observe(self, step: int, model: Model, state: State) -> None:
         """Write a frame and add it to the PVD."""
         points, cells = frame_fields(model, state, self._patches)
+        points = {name: values[: self._grid.n_points] for name, values in points.items()}
         whole = {
             name: np.zeros((len(self._solid), *v.shape[1:]), np.float32)
             for name, v in cells.items()
@@ -117,13 +119,21 @@ def _fields(model: Model, state: State, patches: WallPatches | None):
         points["wss_dyn_per_cm2"] = jnp.zeros(state.u.shape).at[:, patches.nodes].set(shear).T
     cells = {}
     if model.wall is not None:
-        found = wall_stress(state.u, state.d, model.x, model.wall, model.solid_tets)
+        found = wall_stress(
+            state.u, state.d, model.x, model.wall, model.solid_tets[:4], _prestress(model)
+        )
         cells = {
             "stress_dyn_per_cm2": _voigt(found.sigma),
             "von_mises_dyn_per_cm2": found.von_mises,
             "strain": _voigt(found.strain),
         }
     return jax.tree.map(lambda a: a.astype(jnp.float32), (points, cells))
+
+
+def _prestress(model: Model) -> Float[Array, "3 3 tets"] | None:
+    """Prestress of the wall, its mean over the points of an element; None without one."""
+    stress = getattr(model, "prestress", None)
+    return jnp.mean(stress, axis=2) if stress is not None and stress.ndim == 4 else stress
 
 
 def _voigt(tensor: Float[Array, "3 3 tets"]) -> Float[Array, "tets 6"]:

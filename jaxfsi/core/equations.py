@@ -166,7 +166,12 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
 
 def _between(
     y: Unknowns, step: Step, method: GeneralizedAlpha
-) -> tuple[Float[Array, "3 nodes"], ...]:
+) -> tuple[
+    Float[Array, "3 nodes"],
+    Float[Array, "3 nodes"],
+    Float[Array, "3 nodes"],
+    Float[Array, " nodes"],
+]:
     """Velocity, acceleration, displacement and pressure at which a step's equations hold."""
     dt, old = step.dt, step.state
     a_new = method.acceleration(dt, old.u, old.a, y.u)

@@ -32,14 +32,14 @@ class KrylovSolution(NamedTuple):
 
 class _Arnoldi(NamedTuple):
     k: Int[Array, ""]
-    basis: Float[Array, "m+1 n"]
+    basis: Float[Array, "rows n"]
     directions: Float[Array, "m n"]
-    hessenberg: Float[Array, "m+1 m"]
+    hessenberg: Float[Array, "rows m"]
     residual: Float[Array, ""]
 
 
 def _least_squares(
-    hessenberg: Float[Array, "m+1 m"], k: Int[Array, ""], norm: Float[Array, ""]
+    hessenberg: Float[Array, "rows m"], k: Int[Array, ""], norm: Float[Array, ""]
 ) -> tuple[Float[Array, " m"], Float[Array, ""]]:
     """Coefficients that minimise |norm e₁ − H y| over the first k columns, and that minimum."""
     used = jnp.arange(hessenberg.shape[1]) < k

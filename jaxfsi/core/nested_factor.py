@@ -253,7 +253,10 @@ def _grouped(level: list[_Dense]) -> list[list[_Dense]]:
     cheapest: dict[int, tuple[int, tuple[int, ...]]] = {0: (0, ())}
     for index, j in enumerate(places[1:], start=1):
         cheapest[int(j)] = min(
-            (cheapest[int(i)][0] + padded(i, j) + BATCH_COST, (*cheapest[int(i)][1], int(j)))
+            (
+                cheapest[int(i)][0] + padded(int(i), int(j)) + BATCH_COST,
+                (*cheapest[int(i)][1], int(j)),
+            )
             for i in places[:index]
         )
     ends = (0, *cheapest[len(level)][1])

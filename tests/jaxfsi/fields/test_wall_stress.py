@@ -1,0 +1,59 @@
+"""Stress of the wall for known deformations."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxfsi.core.materials import NeoHookean
+from jaxfsi.core.solid import Wall
+from jaxfsi.fields import wall_stress
+from jaxfsi.meshing import ring
+
+E, NU = 1e6, 0.45
+
+
+def _ring():
+    mesh = ring(radius=0.5, length=0.5, thickness=0.1, n_around=6, n_axial=2)
+    return jnp.asarray(mesh.points.T), jnp.asarray(mesh.tets.T)
+
+
+def test_stretch_of_a_neo_hookean_wall():
+    x, tets = _ring()
+    d = jnp.asarray(np.diag([0.2, -0.05, 0.1])) @ x
+    found = wall_stress(jnp.zeros_like(x), d, x, Wall(NeoHookean(E, NU)), tets)
+    stretch = np.array([1.2, 0.95, 1.1])
+    J, G = np.prod(stretch), E / (2.0 * (1.0 + NU))
+    kappa = E / (3.0 * (1.0 - 2.0 * NU))
+    # σ = G J^(−5/3) dev(b) + κ/2 (J² − 1)/J I, Simo & Taylor 1991
+    b = stretch**2
+    sigma = G * J ** (-5.0 / 3.0) * (b - b.mean()) + kappa / 2.0 * (J**2 - 1.0) / J
+    for i in range(3):
+        np.testing.assert_allclose(found.sigma[i, i], sigma[i], rtol=1e-10)  # round-off
+        np.testing.assert_allclose(found.strain[i, i], (stretch[i] ** 2 - 1.0) / 2.0, atol=1e-12)
+    s = sigma - sigma.mean()
+    np.testing.assert_allclose(found.von_mises, np.sqrt(1.5 * np.sum(s**2)), rtol=1e-9)
+
+
+def test_prestress_is_part_of_the_stress_and_turns_with_the_wall():
+    x, tets = _ring()
+    angle = 0.7
+    turn = jnp.asarray(
+        [[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )
+    S0 = jnp.asarray([[3.0, 1.0, 0.0], [1.0, -2.0, 0.5], [0.0, 0.5, 1.0]]) * 1e4
+    everywhere = jnp.broadcast_to(S0[:, :, None], (3, 3, tets.shape[1]))
+    d = turn @ x - x
+    wall = Wall(NeoHookean(E, NU))
+    found = wall_stress(jnp.zeros_like(x), d, x, wall, tets, everywhere)
+    expected = jnp.broadcast_to((turn @ S0 @ turn.T)[:, :, None], found.sigma.shape)
+    # round-off of stresses of size κ
+    np.testing.assert_allclose(found.sigma, expected, atol=1e-7 * E)
+
+
+def test_damping_is_part_of_the_stress():
+    x, tets = _ring()
+    u = jnp.zeros_like(x).at[0].set(2.0 * x[1])
+    wall = Wall(NeoHookean(E, NU), damping=50.0)
+    found = wall_stress(u, jnp.zeros_like(x), x, wall, tets)
+    # 2η ε̇ with ε̇_xy = 1
+    np.testing.assert_allclose(found.sigma[0, 1], 100.0, rtol=1e-10)
+    np.testing.assert_allclose(found.sigma[0, 0], 0.0, atol=1e-6)

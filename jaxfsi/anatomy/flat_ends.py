@@ -53,7 +53,7 @@ class FlatEnd(NamedTuple):
     radius: float
 
 
-def boundary_loops(surface: Triangles) -> list[Int[np.ndarray, " loop"]]:
+def boundary_loops(surface: Triangles) -> list[Int[np.ndarray, " _"]]:
     """Closed loops of the edges that have one triangle, each in the direction of that triangle.
 
     Raises:
@@ -95,7 +95,7 @@ def flat_end(points: Float[np.ndarray, "points 3"], loop: Int[np.ndarray, " loop
     return FlatEnd(loop, centre, normal, float(np.sqrt(area / np.pi)))
 
 
-def _filled(surface: Triangles, loops: list[Int[np.ndarray, " loop"]]) -> Triangles:
+def _filled(surface: Triangles, loops: list[Int[np.ndarray, " _"]]) -> Triangles:
     """Close loops by fans about their mean points."""
     points, faces = surface
     for loop in loops:

@@ -163,7 +163,7 @@ def _reassembled(folders: dict[Region, CompleteFolder], unit: Unit) -> Mesh | No
 
 
 def _placed_faces(
-    folders: list[tuple[CompleteFolder, Int[np.ndarray, " nodes"]]], names: tuple[str, ...]
+    folders: list[tuple[CompleteFolder, Int[np.ndarray, " _"]]], names: tuple[str, ...]
 ) -> tuple[Int[np.ndarray, "faces 3"], Int[np.ndarray, " faces"]]:
     """Faces and labels of the whole mesh; where two folders hold a face, the last one's counts."""
     placed = [
@@ -238,10 +238,10 @@ def _joined(
 
 def _named_surfaces(
     mesh: Mesh,
-    surfaces: dict[Region, dict[str, Int[np.ndarray, "faces 3"]]],
+    surfaces: dict[Region, dict[str, Int[np.ndarray, "_ 3"]]],
     labels: dict[str, str],
     path: pathlib.Path,
-) -> dict[str, Int[np.ndarray, "faces 3"]]:
+) -> dict[str, Int[np.ndarray, "_ 3"]]:
     """Label of each surface file, and its faces, off the interface."""
     absent = set(labels).difference(*surfaces.values())
     if absent:
@@ -266,8 +266,8 @@ def _named_surfaces(
 
 
 def _off_interface(
-    surfaces: dict[str, Int[np.ndarray, "faces 3"]], interface: Int[np.ndarray, "interface 3"]
-) -> dict[str, Int[np.ndarray, "faces 3"]]:
+    surfaces: dict[str, Int[np.ndarray, "_ 3"]], interface: Int[np.ndarray, "interface 3"]
+) -> dict[str, Int[np.ndarray, "_ 3"]]:
     """Surfaces that do not lie on the interface; one that does in part is refused."""
     kept = {}
     for name, faces in surfaces.items():
@@ -284,7 +284,7 @@ def _off_interface(
 
 
 def _solid_label(
-    faces: Int[np.ndarray, "faces 3"], openings: dict[str, Int[np.ndarray, "faces 3"]], name: str
+    faces: Int[np.ndarray, "faces 3"], openings: dict[str, Int[np.ndarray, "_ 3"]], name: str
 ) -> str:
     """Label of a surface of the solid: ring of the opening whose rim it shares, or outer wall."""
     if not openings:

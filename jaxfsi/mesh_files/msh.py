@@ -190,7 +190,7 @@ def _named_faces(
     groups: _Groups,
     labels: dict[str, str],
     path: pathlib.Path,
-) -> dict[str, Int[np.ndarray, "faces 3"]]:
+) -> dict[str, Int[np.ndarray, "_ 3"]]:
     """Faces under each label; groups that are given the same label are joined."""
     absent = sorted(set(labels) - set(groups.surfaces.values()))
     if absent:

@@ -15,7 +15,8 @@ from jaxfsi.meshing.isolate import MeshingError
 from jaxfsi.meshing.sizes import SizeField, size_at
 from jaxfsi.opening import Opening
 
-Plane = Float[np.ndarray, "points 2"]
+# Points of a plane; several sets of them, of any length each, meet in one signature.
+Plane = Float[np.ndarray, "_ 2"]
 
 # Lattice points nearer to the border than this share of the local size are left out.
 _CLEARANCE = 0.6

@@ -31,7 +31,7 @@ class ClippedSurface(NamedTuple):
     """
 
     surface: Surface
-    loops: tuple[Int[np.ndarray, " loop"], ...]
+    loops: tuple[Int[np.ndarray, " _"], ...]
 
 
 def clip(surface: Surface, openings: tuple[Opening, ...], *, what: str) -> ClippedSurface:
@@ -82,7 +82,7 @@ def find_loops(
     *,
     what: str,
     tolerance: float = 1e-3,
-) -> tuple[Int[np.ndarray, " loop"], ...]:
+) -> tuple[Int[np.ndarray, " _"], ...]:
     """The closed border of a surface at each opening.
 
     Args:
@@ -95,7 +95,7 @@ def find_loops(
         ValueError: an opening has no border, or several.
     """
     loops = _border_loops(surface.triangles)
-    found: list[Int[np.ndarray, " loop"]] = []
+    found: list[Int[np.ndarray, " _"]] = []
     for opening in openings:
         matching = []
         for loop in loops:
@@ -220,7 +220,7 @@ def _border_edges(triangles: Int[np.ndarray, "triangles 3"]) -> Int[np.ndarray, 
     return edges[count[back.ravel()] == 1]
 
 
-def _border_loops(triangles: Int[np.ndarray, "triangles 3"]) -> list[Int[np.ndarray, " loop"]]:
+def _border_loops(triangles: Int[np.ndarray, "triangles 3"]) -> list[Int[np.ndarray, " _"]]:
     edges = _border_edges(triangles)
     following = dict(edges.tolist())
     loops = []

@@ -323,7 +323,7 @@ def complete_labels(
 def _ring_of(
     points: Float[np.ndarray, "nodes 3"],
     solid: Int[np.ndarray, "solid 3"],
-    openings: list[Int[np.ndarray, "faces 3"]],
+    openings: list[Int[np.ndarray, "_ 3"]],
 ) -> Int[np.ndarray, " solid"]:
     """Opening whose cut wall each face of the solid is, −1 for none."""
     planes = []

@@ -41,7 +41,7 @@ class SectionAreas(NamedTuple):
     s: Float[np.ndarray, " places"]
     asked: Float[np.ndarray, " places"]
     meshed: Float[np.ndarray, " places"]
-    outlines: list[tuple[Float[np.ndarray, "n 2 2"], Float[np.ndarray, "m 2 2"]]]
+    outlines: list[tuple[Float[np.ndarray, "_ 2 2"], Float[np.ndarray, "_ 2 2"]]]
 
     @property
     def error(self) -> Float[np.ndarray, " places"]:

@@ -54,7 +54,7 @@ class SizeField(NamedTuple):
     """
 
     trees: tuple[KDTree, ...]
-    sizes: tuple[Float[np.ndarray, " points"], ...]
+    sizes: tuple[Float[np.ndarray, " _"], ...]
     growth: float
     largest: float
 

@@ -147,12 +147,25 @@ def _answer(result: MeshResult, anatomy: Anatomy) -> dict[str, Any]:
         "min_dihedral_deg": report.quality.min_dihedral_deg,
         "euler": " ".join(f"{name} {number}" for name, number in euler.items()),
         "faults": len(report.topology.faults),
+        **_ends("wall_ratio", wall),
+        **_ends("septum_ratio", septum),
         "wall_error_p98": _worst(wall),
         "septum_error_p98": _worst(septum),
         "septum_error_max": _worst(septum, every=True),
         "area_error_max": areas.largest_error,
-        "through_edges": sum(report.quality.through_edges),
+        "open_sections": int(np.sum(~np.isfinite(areas.error))),
+        "through_wall": report.quality.through_edges.wall,
+        "through_septum": report.quality.through_edges.septum,
+        "through_lumen": report.quality.through_edges.lumen,
     }  # fmt: skip
+
+
+def _ends(name: str, ratio: Any) -> dict[str, float | None]:
+    """First and 99th percentile of a ratio."""
+    return {
+        f"{name}_p1": None if ratio is None else ratio.p1,
+        f"{name}_p99": None if ratio is None else ratio.p99,
+    }
 
 
 def _worst(ratio: Any, *, every: bool = False) -> float | None:
@@ -173,8 +186,10 @@ def _failed_gates(row: dict[str, Any]) -> Iterator[str]:
         yield "dihedral angle"
     if row["septum_error_p98"] is not None and row["septum_error_p98"] > SEPTUM_ERROR:
         yield "septum"
-    if row["anatomy"].startswith("patient") and not row["area_error_max"] <= AREA_ERROR:
-        yield "lumen areas"
+    if row["anatomy"].startswith("patient"):
+        # Every frame counts: a plane that finds no closed lumen is no reason to leave one out.
+        if row["open_sections"] or not row["area_error_max"] <= AREA_ERROR:
+            yield "lumen areas"
 
 
 def _notes(rows: list[dict[str, Any]], preset: str) -> list[str]:

@@ -26,6 +26,8 @@ from lumped.units import MM
 _MIN_FRAMES = 3
 _MIN_POINTS = 8
 _WIDTH_RANGE_MM = (0.2, 60.0)
+# The catheter alone is about 1 mm thick, and no pullback lies in aneurysms from end to end.
+_WIDEST_RANGE_MM = (1.0, 30.0)
 _MAX_FAULTS_SHOWN = 8
 _HINT = (
     "Expected one point a line: frame number, x, y, z in mm, separated by tabs; "
@@ -177,6 +179,11 @@ def _contours(path: pathlib.Path, frames: list[_Frame]) -> np.ndarray:
         for frame, width, doubled in zip(frames, widths, doubled_area, strict=True)
         if not low <= width <= high or abs(doubled) < 1e-6 * width**2
     ]
+    low, high = _WIDEST_RANGE_MM
+    if not faults and not low <= np.max(widths) <= high:
+        faults.append(
+            f"the widest of all frames measures {np.max(widths):g} mm, expected {low:g}..{high:g}"
+        )
     if faults:
         raise _refuse(path, faults, "Check that x, y and z are in mm.")
     points[doubled_area < 0.0] = points[doubled_area < 0.0, ::-1]

@@ -26,11 +26,17 @@ _CLINICAL = {"cm": ("mm", 1.0 / MM), "rad": ("deg", 180.0 / math.pi)}
 
 
 def states_of(case: Case) -> tuple[str, ...]:
-    """Names of the states that can be meshed: those of the contours, else the kind alone."""
+    """Names of the states that can be meshed: those of the contours, else the kind alone.
+
+    Files are named after states, and mesh.json holds the numbers of the command: a mesh that
+    exists already is `finished`.
+    """
     if case.anatomy is None:
         return ()
     if isinstance(case.anatomy, IvusAnatomy):
         return tuple(case.anatomy.states)
+    if isinstance(case.anatomy, MeshAnatomy):
+        return ("finished",)
     return (case.anatomy.kind,)
 
 

@@ -131,7 +131,8 @@ def _ivus(
             context.add(place, None, "the state stands directly below [anatomy] as well", cure)
         else:
             found = read_table(value, place, STATE, context)
-            states[name] = IvusState(**found)  # pyright: ignore[reportArgumentType]
+            if found["contours"] is not None:
+                states[name] = IvusState(**found)  # pyright: ignore[reportArgumentType]
     if "contours" not in table and not below.get("states"):
         context.add(
             "anatomy.contours",
@@ -157,7 +158,7 @@ def _synthetic(
 
 def _surface(
     values: dict[str, Value], table: dict[str, Any], below: dict[str, Any], context: Context
-) -> SurfaceAnatomy:
+) -> SurfaceAnatomy | None:
     openings = {
         name: point
         for name, value in _named(below, "openings", context)
@@ -169,6 +170,8 @@ def _surface(
         if cut is not None:
             cuts[name] = cut
     steps = values.pop("smoothing_steps")
+    if values["surface"] is None or values["unit"] is None:
+        return None
     return SurfaceAnatomy(
         **values,  # pyright: ignore[reportArgumentType]
         smoothing_steps=int(steps) if isinstance(steps, float) else None,
@@ -179,7 +182,7 @@ def _surface(
 
 def _mesh(
     values: dict[str, Value], table: dict[str, Any], below: dict[str, Any], context: Context
-) -> MeshAnatomy:
+) -> MeshAnatomy | None:
     folders = [name for name in ("fluid", "solid") if name in table]
     if "path" in table and folders:
         cure = f"keep either path or {' and '.join(folders)}"
@@ -194,6 +197,8 @@ def _mesh(
             labels[name] = value
         else:
             context.add(place, value, "a text is expected here", f'write {name} = "outer_wall"')
+    if values["unit"] is None:
+        return None
     return MeshAnatomy(**values, labels=labels)  # pyright: ignore[reportArgumentType]
 
 

@@ -157,7 +157,9 @@ def lumen_section(
     )
 
 
-def _loop_of(segments: Segments, ends: Int[np.ndarray, "segments 2"]) -> Segments:
+def _loop_of(
+    segments: Segments, ends: Int[np.ndarray, "segments 2"]
+) -> Float[np.ndarray, "loop 2 2"]:
     """The closed loop round the origin, nearest to it where loops are nested."""
     names, compact = np.unique(ends, return_inverse=True)
     compact = compact.reshape(ends.shape)

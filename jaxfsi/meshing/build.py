@@ -31,7 +31,7 @@ from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
 from jaxfsi.meshing.isosurface import Surface, extract_surface
 from jaxfsi.meshing.labels import label_faces
 from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
-from jaxfsi.meshing.projection import project
+from jaxfsi.meshing.projection import balance, project
 from jaxfsi.meshing.quality import Quality, mesh_quality
 from jaxfsi.meshing.remesh import remesh_surfaces
 from jaxfsi.meshing.sizes import PRESETS, SizeField, choose_sizes, sample_surface
@@ -239,7 +239,8 @@ def _projected(surface: Surface, anatomy: Anatomy, which: int) -> ClippedSurface
     clipped = flatten_loops(ClippedSurface(surface, loops), anatomy.openings)
     f = (anatomy.lumen, anatomy.wall)[which]
     planes = on_planes(clipped, anatomy.openings)
-    return ClippedSurface(project(clipped.surface, f, plane_normals=planes), loops)
+    surface = project(clipped.surface, f, plane_normals=planes)
+    return ClippedSurface(balance(surface, f, plane_normals=planes), loops)
 
 
 def _labelled(anatomy: Anatomy, points: np.ndarray, tets: np.ndarray, region: np.ndarray) -> Mesh:

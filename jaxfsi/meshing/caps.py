@@ -15,6 +15,7 @@ from jaxfsi.meshing.isolate import MeshingError
 from jaxfsi.meshing.sizes import SizeField, size_at
 from jaxfsi.opening import Opening
 
+# Points of a plane; several sets of them, of any length each, meet in one signature.
 Plane = Float[np.ndarray, "_ 2"]
 
 # Lattice points nearer to the border than this share of the local size are left out.
@@ -227,7 +228,7 @@ def _smoothed(border: Plane, inside: Plane, triangles: Int[np.ndarray, "triangle
     return mean[len(border) :]
 
 
-def _inside(loop: Plane, points: Plane) -> Bool[np.ndarray, " _"]:
+def _inside(loop: Plane, points: Plane) -> Bool[np.ndarray, " points"]:
     """Whether points lie in a polygon (crossings of a ray)."""
     a, b = loop, np.roll(loop, -1, axis=0)
     x, y = points[:, 0, None], points[:, 1, None]

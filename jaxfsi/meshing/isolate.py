@@ -12,6 +12,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -51,6 +52,11 @@ class NativeCall(NamedTuple):
     arrays: Arrays
     options: dict[str, object]
     timeout: float = DEFAULT_TIMEOUT
+
+
+# NumPy parses the header of each array with `ast`, where threads of Python 3.11 disturb each other:
+# "AST constructor recursion depth mismatch" (SystemError).
+_READING = threading.Lock()
 
 
 def native_call(
@@ -99,7 +105,7 @@ def run_isolated(call: NativeCall) -> Arrays:
             raise _told(name, json.loads(fault.read_text()))
         if done.returncode != 0:
             raise MeshingError(_ended(name, done))
-        with np.load(folder / "out.npz") as out:
+        with _READING, np.load(folder / "out.npz") as out:
             return {key: out[key] for key in out.files}
 
 

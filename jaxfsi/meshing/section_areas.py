@@ -22,6 +22,7 @@ from jaxfsi.mesh import INTERFACE, Mesh
 
 _ENDS = 0.03  # share of the axis left out at both ends, where planes meet ostium or opening
 _GRID = 81
+_ALIKE = 0.15  # largest difference between the ends of two outlines over the local radius
 _SQUARES = (2.0, 3.2, 5.2, 8.5)  # half width of the searched square over the local radius
 
 
@@ -41,7 +42,7 @@ class SectionAreas(NamedTuple):
     s: Float[np.ndarray, " places"]
     asked: Float[np.ndarray, " places"]
     meshed: Float[np.ndarray, " places"]
-    outlines: list[tuple[Float[np.ndarray, "n 2 2"], Float[np.ndarray, "m 2 2"]]]
+    outlines: list[tuple[Float[np.ndarray, "_ 2 2"], Float[np.ndarray, "_ 2 2"]]]
 
     @property
     def error(self) -> Float[np.ndarray, " places"]:
@@ -59,6 +60,8 @@ def section_areas(
     mesh: Mesh, anatomy: Anatomy, *, vessel: str = "anomalous", n_places: int = 24
 ) -> SectionAreas:
     """Compare lumen areas of a mesh with its anatomy along a vessel.
+
+    Places between frames count only where both outlines belong to one vessel; frames always do.
 
     Args:
         mesh: mesh of the anatomy.
@@ -90,10 +93,29 @@ def section_areas(
         wanted = _asked_outline(anatomy, centre, tangent)
         obtained = _meshed_outline(mesh, triangles, centre, tangent)
         outlines.append((wanted, obtained))
-        if len(wanted) and len(obtained):
+        if (
+            len(wanted)
+            and len(obtained)
+            and (
+                contours is not None
+                or _alike(wanted, obtained, float(anatomy.local_radius(centre[None])[0]))
+            )
+        ):
             asked[i] = measured_section(wanted).area if contours is None else contours[i]
             meshed[i] = measured_section(obtained).area
     return SectionAreas(vessel, s, asked, meshed, outlines)
+
+
+def _alike(
+    wanted: Float[np.ndarray, "n 2 2"], obtained: Float[np.ndarray, "m 2 2"], radius: float
+) -> bool:
+    """Whether two outlines end at the same places.
+
+    Where vessels join, one outline may hold a second vessel that the other leaves out; and the
+    implicit lumen goes on beyond the openings where the mesh ends.
+    """
+    ends = [np.stack([x.min(axis=(0, 1)), x.max(axis=(0, 1))]) for x in (wanted, obtained)]
+    return float(np.max(np.abs(ends[0] - ends[1]))) < _ALIKE * radius
 
 
 def _asked_outline(

@@ -38,7 +38,7 @@ _TETS_PER_FLUID = 9.0
 _TETS_PER_WALL = 11.0
 _TETS_SCALE, _TETS_POWER = 5.93, 0.84
 # Fewer elements than this across the lumen no longer show its shape.
-_LEAST_ACROSS = 2.0
+_LEAST_ACROSS = 3.0
 # Edges of a remeshed region are longer than the size asked for by up to this on average.
 _SLACK = 0.85
 
@@ -54,7 +54,7 @@ class SizeField(NamedTuple):
     """
 
     trees: tuple[KDTree, ...]
-    sizes: tuple[Float[np.ndarray, " points"], ...]
+    sizes: tuple[Float[np.ndarray, " _"], ...]
     growth: float
     largest: float
 

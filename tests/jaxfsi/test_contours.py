@@ -82,6 +82,10 @@ FAULTS = {
         [[f, f"{float(x) / 1000}", f"{float(y) / 1000}", z] for f, x, y, z in rows()],
         ["line 1", "mm wide", "in mm"],
     ),
+    "centimetres": (
+        [[f, f"{float(x) / 10}", f"{float(y) / 10}", z] for f, x, y, z in rows()],
+        ["the widest of all frames measures 0.8 mm", "in mm"],
+    ),
     "flat": ([[f, x, "0.0", z] for f, x, _, z in rows()], ["line 1", "encloses no area"]),
 }
 

@@ -21,6 +21,7 @@ from jaxfsi.mesh_files import (
     write_mesh_complete,
     write_vtu,
 )
+from jaxfsi.mesh_files.lengths import check_unit
 from jaxfsi.mesh_parts import reordered, scaled
 from jaxfsi.meshing import check_topology, labelled_mesh, tube
 
@@ -119,7 +120,7 @@ def test_the_unit_of_a_file_must_be_declared_right(tmp_path, walled, ending):
     with pytest.raises(ValueError, match=r"lengths are in mm.*Declare unit='mm'"):
         read_mesh(path, unit="cm")
     with pytest.raises(ValueError, match="unit='cm' or unit='mm'"):
-        read_mesh(path, unit="inch")  # pyright: ignore[reportArgumentType]
+        check_unit("inch")
 
 
 def test_a_wrong_unit_names_both_readings(tmp_path, walled):

@@ -60,11 +60,21 @@ def test_septum_is_as_thick_as_asked_within_a_tenth(result):
     assert thickness.p1 == pytest.approx(0.06, rel=0.1)
 
 
-def test_surface_nodes_lie_on_the_implicit_surfaces(mesh, anatomy):
-    for name, f in (("interface", anatomy.lumen), ("outer_wall", anatomy.wall)):
-        nodes = np.unique(mesh.labelled(name))
-        # Newton converges to round-off; a guarded vertex at a sharp crease may stay behind.
-        assert np.percentile(np.abs(f(mesh.points[nodes])), 99) < 1e-6
+def test_triangles_lie_on_the_implicit_surfaces_on_average(mesh, anatomy):
+    for name, f, radius in (("interface", anatomy.lumen, 1.0), ("outer_wall", anatomy.wall, 1.1)):
+        corners = mesh.points[mesh.labelled(name)]
+        middle = 0.5 * (corners + corners[:, [1, 2, 0]])
+        longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max()
+        # Corners and middles of triangles h on radius R differ by h²/8R; corners lie outside by
+        # as much as middles lie inside, so neither is off by more.
+        gap = longest**2 / (8.0 * radius)
+        assert np.percentile(np.abs(f(mesh.points[np.unique(mesh.labelled(name))])), 99) < gap
+        value = f(middle.reshape(-1, 3)).reshape(-1, 3).mean(axis=1)
+        area = 0.5 * np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
+        # What one step of balancing leaves of it, a tenth.
+        assert abs(np.average(value, weights=area)) < 0.1 * gap
 
 
 def test_volume_and_areas_approach_the_shapes(result, anatomy):

@@ -29,6 +29,7 @@ from jaxfsi.verification import (
 )
 
 
+@pytest.mark.slow  # compiles the quadratic kernels and their derivatives
 @pytest.mark.parametrize("nu", [0.3, 0.49])
 def test_one_layer_of_quadratic_elements_bends(nu):
     problem = clamped_strip(nu, "quadratic")
@@ -43,6 +44,7 @@ def test_linear_elements_hardly_bend():
     assert work(problem, end.d) < 0.3 * STRIP_WORK[0.3]
 
 
+@pytest.mark.slow
 def test_tube_under_pressure_widens_as_lame_says():
     problem = thick_tube(0.49, "quadratic", n_axial=12)
     end = equilibrium(problem.model, problem.loads, static_factor(problem.model))
@@ -54,7 +56,7 @@ def test_tube_under_pressure_widens_as_lame_says():
 
 @pytest.fixture(scope="module")
 def vessel():
-    """A short vessel of soft tissue under 100 mmHg, its loads and its factor."""
+    """A short vessel of linear elements under 100 mmHg, its loads and its factor."""
     mesh = ring(radius=0.2, length=0.4, thickness=0.04, n_around=12, n_axial=4, n_layers=1)
     wall = Wall(NeoHookean(3e6, 0.49), support_stiffness=1e5)
     model = build_model(mesh, {}, wall=wall)

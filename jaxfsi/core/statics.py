@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements import geometry
@@ -130,7 +131,7 @@ def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
     A = vertex_block(model, weights).tolil()
     support = np.repeat(np.asarray(outer_share(model) * model.wall.support_stiffness), 3)
     A.setdiag(A.diagonal() + support)
-    return wall_factor(A.tocsr(), model, weights, dtype=dtype)
+    return wall_factor(sp.csr_matrix(A), model, weights, dtype=dtype)
 
 
 def load_forces(loads: Loads, d: Field, model: Model) -> Field:

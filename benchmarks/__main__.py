@@ -14,7 +14,7 @@ from typing import Any
 
 import jax
 
-BENCHMARKS = ("surrogate", "alpha", "vascular", "fits", "meshing", "verification")
+BENCHMARKS = ("surrogate", "alpha", "vascular", "fits", "meshing", "verification", "wall")
 
 
 def main() -> int:

@@ -100,7 +100,7 @@ def build_model(
     blood: Blood | None = None,
     wall: Wall | None = None,
     clamped: Sequence[str] | None = None,
-    wall_element: WallElement = "quadratic",
+    wall_element: WallElement = "linear",
 ) -> Model:
     """Put a model together.
 
@@ -111,8 +111,8 @@ def build_model(
         blood: None for the defaults.
         wall: what the wall is made of; required where the mesh has one.
         clamped: labels whose nodes do not move; None: the cut ends of the wall.
-        wall_element: ``"quadratic"``, which bends and does not lock, or ``"linear"``, as most
-            codes have it.
+        wall_element: ``"linear"``, as most codes have it, or ``"quadratic"``, which bends and does
+            not lock.
 
     Raises:
         ValueError: ports and labels do not fit, or the wall is missing.

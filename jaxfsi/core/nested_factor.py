@@ -152,7 +152,8 @@ def _bisection(
     """
     entries = graph.tocoo()
     n = graph.indptr.size - 1
-    least, best = np.inf, None
+    least = np.inf
+    separates = before = np.zeros(n, bool)
     for order in _orders(graph, points):
         rank = np.empty(n, int)
         rank[order] = np.arange(n)
@@ -166,11 +167,10 @@ def _bisection(
         cost = size[cuts] * (1.0 + 1.5 * skewness) + 0.02 * n * skewness
         k = int(np.argmin(cost))
         if cost[k] < least:
-            before = rank < cuts[k]
+            least, before = cost[k], rank < cuts[k]
             separates = before & (far >= cuts[k])
-            least, best = cost[k], (separates, before & ~separates, ~before)
-    separator, first, second = best
-    return np.flatnonzero(separator), np.flatnonzero(first), np.flatnonzero(second)
+    first = np.flatnonzero(before & ~separates)
+    return np.flatnonzero(separates), first, np.flatnonzero(~before)
 
 
 def _orders(
@@ -272,8 +272,12 @@ def _batch(fronts: list[_Dense], n_unknowns: int, dtype: type) -> Batch:
         own[k, : len(f.own)], above[k, : len(f.above)] = f.own, f.above
         inverse[k, : len(f.own), : len(f.own)] = f.inverse
         coupling[k, : len(f.above), : len(f.own)] = f.coupling
-    places = (jnp.asarray(x, jnp.int32) for x in (own, above))
-    return Batch(*places, jnp.asarray(inverse), jnp.asarray(coupling))
+    return Batch(
+        jnp.asarray(own, jnp.int32),
+        jnp.asarray(above, jnp.int32),
+        jnp.asarray(inverse),
+        jnp.asarray(coupling),
+    )
 
 
 def nested_solve(factor: NestedFactor, b: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:

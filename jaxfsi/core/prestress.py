@@ -66,6 +66,7 @@ def prestressed(
     """
     if model.wall is None:
         raise ValueError("the model has no wall that could carry a prestress; give it one")
+    material = model.wall.material
     shape = geometry(model.x, model.solid_tets)
     n_points = len(jax.eval_shape(lambda d: model.element.slopes(d, shape), model.x))
     start = model.prestress
@@ -77,7 +78,7 @@ def prestressed(
         loaded = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
         end = equilibrium(loaded, loads, factor, tolerance=tolerance, throw=False)
         F = deformation_gradients(end.d, model.element, shape)
-        P = model.element.stress(F, model.wall.material, shape, model.n_nodes)
+        P = model.element.stress(F, material, shape, model.n_nodes)
         added = jnp.stack([_second(f, p) for f, p in zip(F, P, strict=True)], axis=2)
         failed = RESULTS.where(result == RESULTS.successful, end.result, result)
         return (S + added, failed), (end.d, jnp.max(jnp.abs(end.d)))

@@ -15,8 +15,7 @@ Near ν = 1/2 the resistance to changes of volume beyond λ = 2G acts on the vol
 each vertex v, q_v = ∫ N_v q dV / ∫ N_v dV, with energy Σ_v k U(q_v) ∫ N_v dV: one pressure a
 vertex, as in the element of Taylor & Hood 1973 with a lumped mass of the pressure, which has enough
 displacements for each pressure. λ up to 2G stays in the elements: averaging alone would leave out
-the part of the volume's change that varies across one layer, a quarter of the bending stiffness
-at ν = 0.3.
+the part of the volume's change that varies across one layer, and be 28 % too soft at ν = 0.3.
 
 Measured against converged solutions (benchmarks/wall.py): a strip, a squeezed ring and a tube,
 one to three layers, ν = 0.3 to 0.4999, are right to 5 % where the linear element reaches 2 to 32 %

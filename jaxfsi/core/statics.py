@@ -15,6 +15,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements import geometry
@@ -130,7 +131,7 @@ def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
     A = vertex_block(model, weights).tolil()
     support = np.repeat(np.asarray(outer_share(model) * model.wall.support_stiffness), 3)
     A.setdiag(A.diagonal() + support)
-    return wall_factor(A.tocsr(), model, weights, dtype=dtype)
+    return wall_factor(sp.csr_matrix(A), model, weights, dtype=dtype)
 
 
 def load_forces(loads: Loads, d: Field, model: Model) -> Field:
@@ -246,7 +247,8 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
 
         none = jnp.zeros((), int)
         scales = jnp.arange(1, n_load_steps + 1) / n_load_steps
-        return jax.lax.scan(one, (start, (none, none, jnp.zeros(()))), scales)[0]
+        d, (k, n, left) = jax.lax.scan(one, (start, (none, none, jnp.zeros(()))), scales)[0]
+        return d, jnp.stack([k.astype(float), n.astype(float), left])  # derivatives need floats
 
     def tangent_solve(matvec, b):
         return jax.lax.custom_linear_solve(
@@ -256,13 +258,15 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
             lambda A, b: linear_solve(A, b, approximate(wall_solve_transposed), 1e-10).x,
         )
 
-    flat, (n_newton, n_linear, left) = jax.lax.custom_root(
+    flat, report = jax.lax.custom_root(
         lambda flat: out_of_balance(flat, 1.0),
         zero.reshape(-1),
         solve,
         tangent_solve,
         has_aux=True,
     )
+    n_newton, n_linear, left = jax.lax.stop_gradient(report)
     result = RESULTS.where(left <= tolerance, RESULTS.successful, RESULTS.not_converged)
     result = RESULTS.where(jnp.all(jnp.isfinite(flat)), result, RESULTS.not_finite)
-    return Equilibrium(flat.reshape(3, -1), result, n_newton, n_linear, left)
+    counts = n_newton.astype(int), n_linear.astype(int)
+    return Equilibrium(flat.reshape(3, -1), result, *counts, left)

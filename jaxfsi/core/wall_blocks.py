@@ -42,7 +42,8 @@ def _elements(model: Model, weights: Weights) -> _Elements:
     shape = host_geometry(np.asarray(model.x).T, tets)
     assert model.wall is not None
     n, wall = len(tets), model.wall
-    lam, G = (weights.d * _per_tet(m, n) for m in wall.material.moduli)
+    w_a, w_u, w_d = (np.asarray(w, float) for w in weights)
+    lam, G = (w_d * _per_tet(m, n) for m in wall.material.moduli)
     spread = np.zeros(model.n_nodes)
     if isinstance(model.element, QuadraticElement):
         kept = np.minimum(lam, KEPT * G)
@@ -51,8 +52,8 @@ def _elements(model: Model, weights: Weights) -> _Elements:
         excess = np.bincount(corner, np.repeat(lam - kept, 4) * quarter, model.n_nodes)
         spread = excess / np.where(share > 0.0, share, 1.0) ** 2
         lam = kept
-    G = G + weights.u * _per_tet(wall.damping, n)
-    mass = weights.a * _per_tet(wall.rho_s, n) * shape.volume
+    G = G + w_u * _per_tet(wall.damping, n)
+    mass = w_a * _per_tet(wall.rho_s, n) * shape.volume
     return _Elements(tets, shape, lam, G, mass, spread)
 
 

@@ -11,11 +11,19 @@ P: first Piola-Kirchhoff stress of the material, S₀: prestress, η: Kelvin-Voi
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import added, geometry, gradient, vector_corners
-from jaxfsi.core.materials import combined, plus_identity, product, transposed
-from jaxfsi.core.solid import Wall, deformation_gradient
+from jaxfsi.core.elements import Geometry, added
+from jaxfsi.core.materials import (
+    Tensor,
+    combined,
+    determinant,
+    plus_identity,
+    product,
+    transposed,
+)
+from jaxfsi.core.solid import Wall, cauchy_stress, deformation_gradients
+from jaxfsi.core.wall_elements import AbstractWallElement
 
 
 class WallStress(NamedTuple):
@@ -35,40 +43,43 @@ class WallStress(NamedTuple):
 def wall_stress(
     u: Float[Array, "3 nodes"],
     d: Float[Array, "3 nodes"],
-    x: Float[Array, "3 nodes"],
     wall: Wall,
-    tets: Int[Array, "4 tets"],
-    prestress: Float[Array, "3 3 tets"] | None = None,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None = None,
 ) -> WallStress:
-    """Stress and strain of the wall; differentiable.
+    """Stress and strain of the wall, the mean of its quadrature points; differentiable.
 
     Args:
         u: velocity [cm/s].
         d: displacement [cm].
-        x: reference positions [cm].
         wall: what the wall is made of.
-        tets: elements of the wall.
+        element: elements of the wall.
+        shape: their geometry in the reference configuration.
         prestress: second Piola-Kirchhoff stress that is there without deformation [dyn/cm²].
     """
-    shape = geometry(x, tets)
-    F = deformation_gradient(d, tets, shape)
-    slopes = [gradient(component, shape) for component in vector_corners(u, tets)]
-    strain_rate = product(transposed(F), slopes)
-    S = combined((wall.damping, strain_rate), (wall.damping, transposed(strain_rate)))
-    if prestress is not None:
-        S = combined((1.0, S), (1.0, prestress))
-    P = combined((1.0, wall.material.stress(F)), (1.0, product(F, S)))
-    J = added(
-        F[0][i] * (F[1][(i + 1) % 3] * F[2][(i + 2) % 3] - F[1][(i + 2) % 3] * F[2][(i + 1) % 3])
+    F = deformation_gradients(d, element, shape)
+    elastic = cauchy_stress(d, wall, element, shape, prestress)
+    points = range(len(F))
+    viscous = [_viscous(f, H, wall) for f, H in zip(F, element.slopes(u, shape), strict=True)]
+    sigma = [
+        [added(elastic[i, j, g] + viscous[g][i][j] for g in points) / len(F) for j in range(3)]
         for i in range(3)
-    )
-    sigma = combined((1.0 / J, product(P, transposed(F))))
+    ]
     deviator = plus_identity(sigma, -(sigma[0][0] + sigma[1][1] + sigma[2][2]) / 3.0)
     square = 1.5 * added(deviator[i][j] ** 2 for i in range(3) for j in range(3))
     loaded = square > 0.0
     von_mises = jnp.where(loaded, jnp.sqrt(jnp.where(loaded, square, 1.0)), 0.0)
-    strain = combined((0.5, plus_identity(product(transposed(F), F), -1.0)))
+    share = 0.5 / len(F)
+    strain = combined(*((share, plus_identity(product(transposed(f), f), -1.0)) for f in F))
     return WallStress(_stacked(sigma), von_mises, _stacked(strain))
+
+
+def _viscous(F: Tensor, slopes: Tensor, wall: Wall) -> Tensor:
+    """Cauchy stress of the Kelvin-Voigt viscosity."""
+    rate = product(transposed(F), slopes)
+    S = combined((wall.damping, rate), (wall.damping, transposed(rate)))
+    return combined((1.0 / determinant(F), product(product(F, S), transposed(F))))
 
 
 def _stacked(tensor) -> Float[Array, "3 3 tets"]:

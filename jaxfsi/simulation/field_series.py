@@ -14,7 +14,7 @@ mesh in the blood) moves them: Warp By Vector in ParaView, ``warp_by_vector`` in
 | ``von_mises_dyn_per_cm2`` | cells | its von Mises stress; all cell arrays are 0 in the blood |
 | ``strain`` | cells | Green's strain of the wall, in the same order |
 
-Stress and strain are those of the vertices' displacement, prestress included. Fields are in single
+Stress and strain are the means of an element's quadrature points, prestress included. Fields are in single
 precision: the files are half as large.
 """
 
@@ -26,6 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxfsi.core.elements import geometry
 from jaxfsi.core.model import Model
 from jaxfsi.core.state import State
 from jaxfsi.fields.frame import Grid
@@ -114,26 +115,22 @@ def _fields(model: Model, state: State, patches: WallPatches | None):
         "pressure_mmHg": jnp.where(model.in_fluid, state.p, 0.0) / MMHG,
         "displacement_cm": displacement.T,
     }
+    points = {name: field[: model.n_vertices] for name, field in points.items()}
     if patches is not None:
         shear = wall_shear(state.u, model.x + displacement, model.blood, patches)
-        points["wss_dyn_per_cm2"] = jnp.zeros(state.u.shape).at[:, patches.nodes].set(shear).T
+        points["wss_dyn_per_cm2"] = (
+            jnp.zeros((3, model.n_vertices)).at[:, patches.nodes].set(shear).T
+        )
     cells = {}
     if model.wall is not None:
-        found = wall_stress(
-            state.u, state.d, model.x, model.wall, model.solid_tets[:4], _prestress(model)
-        )
+        shape = geometry(model.x, model.solid_tets)
+        found = wall_stress(state.u, state.d, model.wall, model.element, shape, model.prestress)
         cells = {
             "stress_dyn_per_cm2": _voigt(found.sigma),
             "von_mises_dyn_per_cm2": found.von_mises,
             "strain": _voigt(found.strain),
         }
     return jax.tree.map(lambda a: a.astype(jnp.float32), (points, cells))
-
-
-def _prestress(model: Model) -> Float[Array, "3 3 tets"] | None:
-    """Prestress of the wall, its mean over the points of an element; None without one."""
-    stress = getattr(model, "prestress", None)
-    return jnp.mean(stress, axis=2) if stress is not None and stress.ndim == 4 else stress
 
 
 def _voigt(tensor: Float[Array, "3 3 tets"]) -> Float[Array, "tets 6"]:

@@ -10,6 +10,7 @@ The exact solutions are written out by hand from the equations and share no code
 | `windkessel_tube` | a rigid tube into a Windkessel | closed form; histories of other codes |
 | `elastic_tube` | sinusoidal wave in an elastic tube | `womersley.wave_number` |
 | `tube_wave` | a pulse in an elastic tube | fields and displacement of other codes |
+| `walls` | bending strip, squeezed ring, thick tube | converged solutions, Lame |
 | `coupled_tube` | a small tube with everything | `volume_balance`, `derivatives` |
 """
 
@@ -37,6 +38,17 @@ from jaxfsi.verification.tube_wave import (
     wave_model,
 )
 from jaxfsi.verification.volume_balance import keep_books, volume_errors, wet_wall
+from jaxfsi.verification.walls import (
+    RING_WORK,
+    STRIP_WORK,
+    WallProblem,
+    clamped_strip,
+    lame_displacement,
+    radial_displacement,
+    squeezed_ring,
+    thick_tube,
+    work,
+)
 from jaxfsi.verification.windkessel_tube import (
     LONG_TUBE,
     SHORT_OPENINGS,

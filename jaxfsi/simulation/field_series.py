@@ -14,8 +14,8 @@ mesh in the blood) moves them: Warp By Vector in ParaView, ``warp_by_vector`` in
 | ``von_mises_dyn_per_cm2`` | cells | its von Mises stress; all cell arrays are 0 in the blood |
 | ``strain`` | cells | Green's strain of the wall, in the same order |
 
-Stress and strain are the means of an element's quadrature points, prestress included. Fields are in single
-precision: the files are half as large.
+Stress and strain are the means of an element's quadrature points, prestress included. Fields are
+in single precision: the files are half as large.
 """
 
 import pathlib

@@ -18,7 +18,7 @@ from scipy.spatial import KDTree
 
 from jaxfsi import reordered
 from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepping import prepare
+from jaxfsi.core.stepper import prepare
 from jaxfsi.mesh_files import read_mesh_complete, read_vtu
 from jaxfsi.verification import (
     coupled_tube,

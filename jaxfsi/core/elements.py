@@ -14,9 +14,10 @@ Source: Zienkiewicz & Taylor 2000, The Finite Element Method, vol. 1, section 6.
 
 import functools
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -59,6 +60,27 @@ def kept_apart(values: Tree, shape: Geometry) -> Tree:
     )
 
 
+@eqx.filter_custom_jvp
+def kept_in_derivatives(values: Tree, shape: Geometry) -> Tree:
+    """The same values; where they are differentiated, `kept_apart` with all that leads to them.
+
+    Between two stages of a kernel it costs nothing in the kernel itself. In its derivative the
+    values of the first stage, and in reverse mode their cotangents, are computed once.
+    """
+    del shape
+    return values
+
+
+@kept_in_derivatives.def_jvp
+def _(primals, tangents):
+    values, shape = primals
+    # the identity as a solve: a linear function whose transpose can be chosen
+    change = jax.lax.custom_linear_solve(
+        lambda v: v, tangents[0], lambda _, v: v, lambda _, v: kept_apart(v, shape)
+    )
+    return kept_apart(values, shape), change
+
+
 Corners = tuple[Float[Array, " tets"], ...]
 """Values of a scalar field at the four corners of the elements."""
 
@@ -83,15 +105,21 @@ def total(values: Corners) -> Float[Array, " tets"]:
 def geometry(x: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"]) -> Geometry:
     """Gradients and volumes of linear tetrahedra with node positions x [cm]."""
     corner = x[:, tets]
-    e = [corner[:, i] - corner[:, 0] for i in (1, 2, 3)]
-    normal = [
-        jnp.cross(e[1], e[2], axis=0),
-        jnp.cross(e[2], e[0], axis=0),
-        jnp.cross(e[0], e[1], axis=0),
+    e = [[corner[j, i] - corner[j, 0] for j in range(3)] for i in (1, 2, 3)]
+    normals = [_cross(e[1], e[2]), _cross(e[2], e[0]), _cross(e[0], e[1])]
+    det = added(e[0][j] * normals[0][j] for j in range(3))
+    others = [[n / det for n in normal] for normal in normals]
+    first = [-added(others[i][j] for i in range(3)) for j in range(3)]
+    grad = [jnp.stack([first[j], *(others[i][j] for i in range(3))]) for j in range(3)]
+    return Geometry(jnp.stack(grad), det / 6.0)
+
+
+def _cross(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
+    return [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
     ]
-    det = jnp.sum(e[0] * normal[0], axis=0)
-    others = [n / det for n in normal]
-    return Geometry(jnp.stack([-(others[0] + others[1] + others[2]), *others], axis=1), det / 6.0)
 
 
 def scatter(values: Corners, tets: Int[Array, "4 tets"], n_nodes: int) -> Float[Array, " nodes"]:

@@ -12,13 +12,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import Geometry, area_vectors, face_load, flux, geometry
+from jaxfsi.core.elements import Geometry, area_vectors, face_load, flux, geometry, kept_apart
 from jaxfsi.core.fluid import Frozen, fluid_residual, frozen
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.mesh_motion import MeshMotion, mesh_displacement
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, FlowPort, HeldPort, PressurePort, VelocityPort
-from jaxfsi.core.solid import Wall, solid_residual
+from jaxfsi.core.solid import Wall, WallMotion, solid_residual, wall_motion
 from jaxfsi.core.state import State
 from lumped.parameters import Parameter
 from lumped.views import implicit_step
@@ -102,6 +102,7 @@ def begin_step(
     between = lambda old, new, w=alpha: old + w * (new - old)  # noqa: E731
     x = model.x + between(state.d_mesh, d_mesh)
     fluid_shape = geometry(x, model.fluid_tets)
+    fluid_shape = kept_apart(fluid_shape, fluid_shape)
     coefficients = frozen(
         dt,
         between(state.u, guess.u),
@@ -183,6 +184,16 @@ def _between(
     return u, a, d, p
 
 
+def motion_of_wall(
+    y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha
+) -> WallMotion | None:
+    """Deformation of the wall where the equations of a step hold; None without a wall."""
+    if model.wall is None:
+        return None
+    u, _, d, _ = _between(y, step, method)
+    return wall_motion(u, d, model.element, step.solid_shape)
+
+
 def _port_load(
     y: Unknowns, u: Float[Array, "3 nodes"], model: Model, step: Step
 ) -> Float[Array, "3 nodes"]:
@@ -204,7 +215,8 @@ def outer_share(model: Model) -> Float[Array, " nodes"]:
     """Area of the outer surface that belongs to each node [cm²]."""
     area = jnp.sqrt(jnp.sum(area_vectors(model.x, model.outer_faces) ** 2, axis=0))
     share = jnp.tile(area / 3.0, 3)
-    return jnp.zeros(model.n_nodes).at[model.outer_faces.reshape(-1)].add(share)
+    zero = jnp.zeros(model.n_nodes, share.dtype)
+    return zero.at[model.outer_faces.reshape(-1)].add(share)
 
 
 def _support(

@@ -14,13 +14,23 @@ Source: Bazilevs et al. 2007, eqs. 62-75, with the constants of svMultiPhysics. 
 linear in u, a and p; τ is constant on an element and all integrals are exact.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import Geometry, added, corners, gradient, scatter, total, vector_corners
+from jaxfsi.core.elements import (
+    Geometry,
+    added,
+    corners,
+    gradient,
+    kept_in_derivatives,
+    scatter,
+    total,
+    vector_corners,
+)
 from jaxfsi.core.viscosity import AbstractViscosity, Newtonian
 from lumped.parameters import Parameter, parameter
 
@@ -55,17 +65,15 @@ class Frozen(NamedTuple):
     mu: Float[Array, " tets"]
 
 
-def _velocity_gradient(
+def velocity_gradient(
     u: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry
 ) -> tuple[tuple[Float[Array, " tets"], ...], ...]:
+    """∂u_i/∂x_j on each element [1/s]."""
     return tuple(gradient(component, shape) for component in vector_corners(u, tets))
 
 
-def shear_rate(
-    u: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"], shape: Geometry
-) -> Float[Array, " tets"]:
-    """√(2 ε:ε) on each element [1/s]."""
-    g = _velocity_gradient(u, tets, shape)
+def shear_rate(g: Sequence[Sequence[Float[Array, " tets"]]]) -> Float[Array, " tets"]:
+    """√(2 ε:ε) on each element [1/s], of the velocity's gradient there."""
     square = added((g[i][j] + g[j][i]) ** 2 / 2.0 for i in range(3) for j in range(3))
     # The square root has no derivative at rest.
     moving = square > 0.0
@@ -84,23 +92,33 @@ def frozen(
 ) -> Frozen:
     """Coefficients of the linearised equations at an extrapolated state."""
     c = u - u_mesh
-    mean = [total(component) / 4.0 for component in vector_corners(c, tets)]
     grad = shape.grad
     metric = [
         [added(grad[i, k] * grad[j, k] for k in (1, 2, 3)) for j in range(3)] for i in range(3)
     ]
     pairs = [(i, j) for i in range(3) for j in range(3)]
-    mu = blood.viscosity(shear_rate(u, tets, shape))
+    mean = [total(component) / 4.0 for component in vector_corners(c, tets)]
+    acceleration = [total(component) / 4.0 for component in vector_corners(a, tets)]
+    mean, acceleration, slope, pressure, metric = kept_in_derivatives(
+        (
+            mean,
+            acceleration,
+            velocity_gradient(u, tets, shape),
+            gradient(corners(p, tets), shape),
+            metric,
+        ),
+        shape,
+    )
+    mu = blood.viscosity(shear_rate(slope))
     rate_square = (
         4.0 / dt**2
         + added(mean[i] * metric[i][j] * mean[j] for i, j in pairs)
         + 36.0 * (mu / blood.rho_f) ** 2 * added(metric[i][j] ** 2 for i, j in pairs)
     )
+    rate_square, mu = kept_in_derivatives((rate_square, mu), shape)
     tau_momentum = 1.0 / (blood.rho_f * jnp.sqrt(rate_square))
     tau_continuity = 1.0 / (tau_momentum * (metric[0][0] + metric[1][1] + metric[2][2]))
-    slope = _velocity_gradient(u, tets, shape)
-    acceleration = [total(component) / 4.0 for component in vector_corners(a, tets)]
-    pressure = gradient(corners(p, tets), shape)
+    tau_momentum, tau_continuity = kept_in_derivatives((tau_momentum, tau_continuity), shape)
     fine = []
     for i in range(3):
         convection = added(mean[j] * slope[i][j] for j in range(3))
@@ -129,42 +147,63 @@ def fluid_residual(
         tets: elements of the blood.
         shape: their geometry at the time of evaluation.
     """
-    n_nodes, V, grad = u.shape[1], shape.volume, shape.grad
+    n_nodes, V = u.shape[1], shape.volume
     rho, tau, fine = blood.rho_f, coefficients.tau_momentum, coefficients.fine
-    acceleration, pressure = vector_corners(a, tets), corners(p, tets)
-    c = vector_corners(coefficients.c, tets)
-    slope = _velocity_gradient(u, tets, shape)
+    c, acceleration, velocity, pressure = kept_in_derivatives(
+        (
+            vector_corners(coefficients.c, tets),
+            vector_corners(a, tets),
+            vector_corners(u, tets),
+            corners(p, tets),
+        ),
+        shape,
+    )
+    slope = tuple(gradient(component, shape) for component in velocity)
     pressure_slope = gradient(pressure, shape)
     sum_c = [total(component) for component in c]
     sum_a = [total(component) for component in acceleration]
     divergence = slope[0][0] + slope[1][1] + slope[2][2]
     hydrostatic = V * (total(pressure) / 4.0 - coefficients.tau_continuity * divergence)
+    slope, pressure_slope, divergence, hydrostatic, sum_c, sum_a = kept_in_derivatives(
+        (slope, pressure_slope, divergence, hydrostatic, sum_c, sum_a), shape
+    )
 
     def integral(f, g, sum_f, sum_g):
         """∫ f g over the element, exact for linear fields."""
         return V / 20.0 * (f[0] * g[0] + f[1] * g[1] + f[2] * g[2] + f[3] * g[3] + sum_f * sum_g)
 
     cc = [[integral(c[j], c[k], sum_c[j], sum_c[k]) for k in range(3)] for j in range(3)]
-    momentum, fine_flux = [], []
+    ca = [
+        [integral(c[j], acceleration[i], sum_c[j], sum_a[i]) for j in range(3)] for i in range(3)
+    ]
+    convection = [added(sum_c[j] * slope[i][j] for j in range(3)) for i in range(3)]
+    strong = [
+        V * (rho * (sum_a[i] + convection[i]) / 4.0 + pressure_slope[i]) for i in range(3)
+    ]
+    cc, ca, convection, strong = kept_in_derivatives((cc, ca, convection, strong), shape)
+    stresses, by_fine = [], []
     for i in range(3):
-        convection = added(sum_c[j] * slope[i][j] for j in range(3))
-        strong = V * (rho * (sum_a[i] + convection) / 4.0 + pressure_slope[i])
-        fine_flux.append(tau * strong)
         stress = []
         for j in range(3):
-            ca = integral(c[j], acceleration[i], sum_c[j], sum_a[i])
-            upwind = rho * (ca + added(cc[j][k] * slope[i][k] for k in range(3)))
-            upwind = upwind + V * sum_c[j] / 4.0 * pressure_slope[i] + fine[j] * strong
+            upwind = rho * (ca[i][j] + added(cc[j][k] * slope[i][k] for k in range(3)))
+            upwind = upwind + V * sum_c[j] / 4.0 * pressure_slope[i] + fine[j] * strong[i]
             stress.append(V * coefficients.mu * (slope[i][j] + slope[j][i]) + rho * tau * upwind)
         stress[i] = stress[i] - hydrostatic
-        by_fine = 5.0 * added(fine[j] * slope[i][j] for j in range(3))
+        stresses.append(stress)
+        by_fine.append(5.0 * added(fine[j] * slope[i][j] for j in range(3)))
+    stresses, by_fine = kept_in_derivatives((stresses, by_fine), shape)
+    momentum = []
+    for i in range(3):
         force = []
         for b in range(4):
-            through = added(c[j][b] * slope[i][j] for j in range(3)) + convection + by_fine
+            through = added(c[j][b] * slope[i][j] for j in range(3)) + convection[i] + by_fine[i]
             inertia = rho * V / 20.0 * (acceleration[i][b] + sum_a[i] + through)
-            force.append(inertia + added(grad[j, b] * stress[j] for j in range(3)))
-        momentum.append(scatter(tuple(force), tets, n_nodes))
+            pull = added(shape.grad[j, b] * stresses[i][j] for j in range(3))
+            force.append(inertia + pull)
+        force = kept_in_derivatives(tuple(force), shape)
+        momentum.append(scatter(force, tets, n_nodes))
     continuity = tuple(
-        V / 4.0 * divergence + added(grad[i, b] * fine_flux[i] for i in range(3)) for b in range(4)
+        V / 4.0 * divergence + added(shape.grad[i, b] * tau * strong[i] for i in range(3))
+        for b in range(4)
     )
     return jnp.stack(momentum), scatter(continuity, tets, n_nodes)

@@ -1,9 +1,10 @@
 """Many steps in one compiled loop, with what happened at the ports.
 
 A failed step ends the march: the state stays as it was before that step, and the result says why.
-For reverse-mode derivatives the steps are grouped, and only the state at the start of each group
-is kept (two-level checkpointing, Griewank 1992): memory grows with the square root of the number
-of steps.
+For reverse-mode derivatives the state after every step is kept, which for 60 000 elements takes
+2 MB a step, and nothing is solved twice. With `recompute` only the states at the start of groups of
+steps are kept and the groups are run again: memory grows with the square root of the number of
+steps, and a gradient takes one more run (two-level checkpointing, Griewank 1992).
 """
 
 import math
@@ -16,7 +17,8 @@ from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.model import Model
 from jaxfsi.core.state import State
-from jaxfsi.core.stepping import RESULTS, Stepper, StepReport, advance_step
+from jaxfsi.core.stepper import Stepper
+from jaxfsi.core.stepping import RESULTS, StepReport, advance_step
 from lumped.parameters import is_traced
 
 
@@ -53,7 +55,13 @@ class March(NamedTuple):
 
 
 def march(
-    model: Model, state: State, stepper: Stepper, n_steps: int, *, throw: bool = True
+    model: Model,
+    state: State,
+    stepper: Stepper,
+    n_steps: int,
+    *,
+    throw: bool = True,
+    recompute: bool = False,
 ) -> March:
     """Advance a state by a number of steps.
 
@@ -63,11 +71,12 @@ def march(
         stepper: see `prepare`.
         n_steps: number of steps (static).
         throw: raise where a step fails; otherwise the result says so.
+        recompute: save memory in reverse mode at the price of time (static).
 
     Raises:
         RuntimeError: a step failed and `throw` is set.
     """
-    end = _march(model, state, stepper, n_steps)
+    end = _march(model, state, stepper, n_steps, recompute)
     if throw and not is_traced(end.n_steps) and int(end.n_steps) < n_steps:
         raise RuntimeError(
             f"Step {int(end.n_steps) + 1} of {n_steps} failed at t ="
@@ -77,7 +86,7 @@ def march(
 
 
 @eqx.filter_jit
-def _march(model: Model, state: State, stepper: Stepper, n_steps: int) -> March:
+def _march(model: Model, state: State, stepper: Stepper, n_steps: int, recompute: bool) -> March:
     def one(carry, index):
         before, done, result, last = carry
         running = (result == RESULTS.successful) & (index < n_steps)
@@ -103,10 +112,10 @@ def _march(model: Model, state: State, stepper: Stepper, n_steps: int) -> March:
     nothing = StepReport(RESULTS.successful, zero, zero, jnp.zeros(()), jnp.ones(()))
     start = (state, zero, RESULTS.successful, nothing)
 
-    @jax.checkpoint
     def group(carry, indices):
         return jax.lax.scan(one, carry, indices)
 
-    (state, done, result, _), history = jax.lax.scan(group, start, index)
+    outside = jax.checkpoint(group) if recompute else group
+    (state, done, result, _), history = jax.lax.scan(outside, start, index)
     history = jax.tree.map(lambda h: h.reshape(-1, *h.shape[2:])[:n_steps], history)
     return March(state, history, done, result)

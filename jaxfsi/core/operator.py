@@ -16,9 +16,7 @@ With the weights w_a, w_u of acceleration and velocity in the step::
 On the elastic tube of 60 000 elements an assembly takes as long as seven products of elements,
 and each product saves a quarter of one: stencils pay where a step takes many iterations.
 
-The wall enters with its tangent at the reference shape, as stencils for linear elements and element
-by element for quadratic ones: where it deforms, the operator is an approximation, and the residual,
-which is exact, asks for a correction when that matters.
+The wall enters element by element with its tangent about a given motion.
 """
 
 import equinox as eqx
@@ -32,7 +30,6 @@ from jaxfsi.core.elements import (
     area_vectors,
     face_load,
     flux,
-    geometry,
     gradient,
     scatter,
     total,
@@ -43,23 +40,10 @@ from jaxfsi.core.fluid import fluid_residual
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import HeldPort
-from jaxfsi.core.quadratic import QuadraticElement
-from jaxfsi.core.solid import reference_tangent
+from jaxfsi.core.solid import WallMotion, solid_tangent
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
 from jaxfsi.core.wall_elements import Weights
 from lumped.parameters import Parameter
-
-
-class WallStencil(eqx.Module):
-    """Tangent of the wall's forces at the reference shape, nine stencils for its components.
-
-    Attributes:
-        pattern: of the wall's nodes in the whole mesh.
-        values: derivative of force i with respect to velocity j.
-    """
-
-    pattern: Pattern
-    values: Float[Array, "3 3 columns nodes"]
 
 
 class StepOperator(eqx.Module):
@@ -71,7 +55,6 @@ class StepOperator(eqx.Module):
         G: pressure in the momentum of each direction.
         D: velocity of each direction in continuity.
         C: pressure in continuity.
-        wall: of the wall; None without one, and for quadratic elements.
     """
 
     pattern: Pattern
@@ -79,7 +62,6 @@ class StepOperator(eqx.Module):
     G: tuple[Values, Values, Values]
     D: tuple[Values, Values, Values]
     C: Values
-    wall: WallStencil | None
 
 
 def fluid_pattern(model: Model) -> Pattern:
@@ -92,9 +74,8 @@ def assemble_step(
     step: Step,
     method: GeneralizedAlpha,
     fluid: Pattern,
-    wall: WallStencil | None,
 ) -> StepOperator:
-    """Assemble the linearised equations of a step."""
+    """Assemble the blood's part of the linearised equations of a step."""
     w_a, w_u, _ = method.weights(step.dt)
     grad, V = step.fluid_shape
     k = step.coefficients
@@ -139,7 +120,7 @@ def assemble_step(
                 D[i].append(w_u * V / 4.0 * grad[i, b] + strong * grad[i, a])
 
     a, g_x, g_y, g_z, d_x, d_y, d_z, c_p = assemble([A, *G, *D, C], fluid)
-    return StepOperator(fluid, a, (g_x, g_y, g_z), (d_x, d_y, d_z), c_p, wall)
+    return StepOperator(fluid, a, (g_x, g_y, g_z), (d_x, d_y, d_z), c_p)
 
 
 def apply_elements(
@@ -147,9 +128,17 @@ def apply_elements(
     model: Model,
     step: Step,
     method: GeneralizedAlpha,
-    wall: WallStencil | None,
+    motion: WallMotion | None,
 ) -> Unknowns:
-    """Product of the linearised equations and a change of velocity and pressure, by elements."""
+    """Product of the linearised equations and a change of velocity and pressure, by elements.
+
+    Args:
+        v: the change.
+        model: the model.
+        step: the step.
+        method: coefficients in time.
+        motion: of the wall, about which its forces are linearised; None without a wall.
+    """
     w_a, w_u, _ = method.weights(step.dt)
     r_u, r_p = fluid_residual(
         w_u * v.u,
@@ -160,13 +149,18 @@ def apply_elements(
         model.fluid_tets,
         step.fluid_shape,
     )
-    return _closed(v, r_u, r_p, model, step, method, wall)
+    return _closed(v, r_u, r_p, model, step, method, motion)
 
 
 def apply_step(
-    operator: StepOperator, v: Unknowns, model: Model, step: Step, method: GeneralizedAlpha
+    operator: StepOperator,
+    v: Unknowns,
+    model: Model,
+    step: Step,
+    method: GeneralizedAlpha,
+    motion: WallMotion | None,
 ) -> Unknowns:
-    """Product of the linearised equations and a change of velocity and pressure."""
+    """The product of `apply_elements`, the blood's part by stencils."""
     _, w_u, _ = method.weights(step.dt)
     P = operator.pattern
     coupled = _coupling(v.u, model, step, w_u)
@@ -176,7 +170,7 @@ def apply_step(
     r_p = apply(operator.C, P, v.p)
     for i in range(3):
         r_p = r_p + apply(operator.D[i], P, v.u[i])
-    return _closed(v, jnp.stack(rows), r_p, model, step, method, operator.wall)
+    return _closed(v, jnp.stack(rows), r_p, model, step, method, motion)
 
 
 def _closed(
@@ -186,19 +180,13 @@ def _closed(
     model: Model,
     step: Step,
     method: GeneralizedAlpha,
-    wall: WallStencil | None,
+    motion: WallMotion | None,
 ) -> Unknowns:
     """The blood's product with that of wall and ports, and the rows of held unknowns."""
-    if wall is not None:
-        rows = [
-            added(apply(wall.values[i, j], wall.pattern, v.u[j]) for j in range(3))
-            for i in range(3)
-        ]
-        r_u = r_u + jnp.stack(rows)
-    elif model.wall is not None:
+    if model.wall is not None and motion is not None:
         weights = Weights(*method.weights(step.dt))
-        r_u = r_u + reference_tangent(
-            v.u, weights, model.wall, model.element, step.solid_shape, model.prestress
+        r_u = r_u + solid_tangent(
+            v.u, weights, motion, model.wall, model.element, step.solid_shape, model.prestress
         )
         support = weights.d * model.wall.support_stiffness + weights.u * model.wall.support_damping
         r_u = r_u + support * outer_share(model) * v.u
@@ -241,36 +229,3 @@ def _port_slope(
         push = w_u * backflow * jnp.mean(u[:, faces], axis=1) - P * area
         load = load + face_load(push, faces, model.n_nodes)
     return load
-
-
-def wall_stencil(dt: float, model: Model, method: GeneralizedAlpha) -> WallStencil | None:
-    """Tangent of linear elements of the wall of a concrete model at its reference shape."""
-    if model.wall is None or isinstance(model.element, QuadraticElement):
-        return None
-    tets = model.solid_tets
-    shape = geometry(model.x, tets)
-    w_a, w_u, w_d = method.weights(dt)
-    lam, G = (w_d * jnp.asarray(m) for m in model.wall.material.moduli)
-    G = G + w_u * model.wall.damping
-    places = pattern(np.asarray(tets).T, model.n_nodes)
-    grad, V = shape
-    mass = w_a * model.wall.rho_s * V * jnp.asarray(MASS)[:, :, None]
-    laplace = G * V * jnp.sum(grad[:, :, None] * grad[:, None], axis=0)
-    if model.prestress is not None:
-        pulled = [added(model.prestress[i, j, 0] * grad[j] for j in range(3)) for i in range(3)]
-        laplace = laplace + w_d * V * added(grad[i][:, None] * pulled[i][None] for i in range(3))
-    share = outer_share(model)
-    support = w_d * model.wall.support_stiffness + w_u * model.wall.support_damping
-    matrices = []
-    for i in range(3):
-        for j in range(3):
-            plain = grad[i][:, None] * grad[j][None]
-            values = V * (lam * plain + G * jnp.swapaxes(plain, 0, 1))
-            if i == j:
-                values = values + mass + laplace
-            matrices.append([values[a, b] for a in range(4) for b in range(4)])
-    stencils = jnp.stack(assemble(matrices, places)).reshape(3, 3, *places.neighbour.shape)
-    own = places.neighbour == jnp.arange(model.n_nodes, dtype=jnp.int32)
-    first = jnp.cumsum(own, axis=0) == 1
-    diagonal = jnp.where(own & first, support * share, 0.0)
-    return WallStencil(places, stencils + jnp.eye(3)[:, :, None, None] * diagonal)

@@ -8,11 +8,14 @@ with the first Piola-Kirchhoff stress P of the material, a prestress S₀ (secon
 Hsu & Bazilevs 2011, eq. 8) and Kelvin-Voigt damping P_v = F 2η Ė.
 """
 
+from typing import NamedTuple
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import Geometry
+from jaxfsi.core.elements import Geometry, kept_apart
 from jaxfsi.core.materials import (
     AbstractMaterial,
     LinearElastic,
@@ -72,17 +75,87 @@ def solid_residual(
         prestress: second Piola-Kirchhoff stress that is there without deformation, at each
             quadrature point [dyn/cm²].
     """
-    n_nodes = u.shape[1]
-    F = deformation_gradients(d, element, shape)
-    elastic = element.stress(F, wall.material, shape, n_nodes)
+    F, rate = kept_apart(wall_motion(u, d, element, shape), shape)
+    stress = _stress(F, rate, wall, element, shape, prestress, u.shape[1])
+    stress = kept_apart(stress, shape)
+    return element.forces(stress, a, wall.rho_s * shape.volume, shape)
+
+
+def _stress(
+    F: Points,
+    rate: Points,
+    wall: Wall,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None,
+    n_nodes: int,
+) -> Points:
+    """First Piola-Kirchhoff stress of elasticity, damping and prestress [dyn/cm²]."""
     stress = []
-    for g, rate in enumerate(element.slopes(u, shape)):
-        strain_rate = product(transposed(F[g]), rate)
+    for g, elastic in enumerate(element.stress(F, wall.material, shape, n_nodes)):
+        strain_rate = product(transposed(F[g]), rate[g])
         S = combined((wall.damping, strain_rate), (wall.damping, transposed(strain_rate)))
         if prestress is not None:
             S = combined((1.0, S), (1.0, prestress[:, :, g]))
-        stress.append(combined((1.0, elastic[g]), (1.0, product(F[g], S))))
-    return element.forces(tuple(stress), a, wall.rho_s * shape.volume, shape)
+        stress.append(combined((1.0, elastic), (1.0, product(F[g], S))))
+    return tuple(stress)
+
+
+class WallMotion(NamedTuple):
+    """Deformation about which the wall's forces are linearised.
+
+    Attributes:
+        F: deformation gradients at the quadrature points.
+        rate: their rates [1/s].
+    """
+
+    F: Points
+    rate: Points
+
+
+def wall_motion(
+    u: Float[Array, "3 nodes"],
+    d: Float[Array, "3 nodes"],
+    element: AbstractWallElement,
+    shape: Geometry,
+) -> WallMotion:
+    """Deformation of velocities u [cm/s] and displacements d [cm]."""
+    rate = tuple(combined((1.0, H)) for H in element.slopes(u, shape))
+    return WallMotion(deformation_gradients(d, element, shape), rate)
+
+
+def solid_tangent(
+    v: Float[Array, "3 nodes"],
+    weights: Weights,
+    motion: WallMotion,
+    wall: Wall,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None = None,
+) -> Float[Array, "3 nodes"]:
+    """Change of the wall's forces along v.
+
+    Args:
+        v: change of the unknown.
+        weights: what it does to acceleration, velocity and displacement.
+        motion: deformation about which the forces are linearised.
+        wall: what the wall is made of.
+        element: elements of the wall.
+        shape: their geometry in the reference configuration.
+        prestress: see `solid_residual`.
+    """
+
+    def stress(motion: WallMotion) -> Points:
+        return _stress(*motion, wall, element, shape, prestress, v.shape[1])
+
+    slopes = element.slopes(v, shape)
+    along = WallMotion(
+        tuple(combined((weights.d, H)) for H in slopes),
+        tuple(combined((weights.u, H)) for H in slopes),
+    )
+    _, change = jax.jvp(stress, (motion,), (along,))
+    change = kept_apart(change, shape)
+    return element.forces(change, v, weights.a * wall.rho_s * shape.volume, shape)
 
 
 def reference_tangent(

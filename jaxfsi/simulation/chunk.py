@@ -20,7 +20,8 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxfsi.core.march import History
 from jaxfsi.core.model import Model
 from jaxfsi.core.state import State
-from jaxfsi.core.stepping import RESULTS, Stepper, advance_step
+from jaxfsi.core.stepper import Stepper
+from jaxfsi.core.stepping import RESULTS, advance_step
 
 VELOCITY_SCALE = 1.0
 """u₀: velocities far below it are not resolved in time for their own sake [cm/s]."""

@@ -14,7 +14,8 @@ import numpy as np
 
 from jaxfsi.core.model import Model
 from jaxfsi.core.state import State
-from jaxfsi.core.stepping import RESULTS, Stepper, prepare
+from jaxfsi.core.stepper import Stepper, prepare
+from jaxfsi.core.stepping import RESULTS
 from jaxfsi.simulation.checkpoint import (
     Checkpoint,
     fingerprint,

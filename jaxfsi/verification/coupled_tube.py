@@ -20,7 +20,7 @@ from jaxfsi.core.model import Model, build_model
 from jaxfsi.core.ports import BlockPort, FlowPort
 from jaxfsi.core.solid import Wall
 from jaxfsi.core.state import State
-from jaxfsi.core.stepping import Stepper
+from jaxfsi.core.stepper import Stepper
 from jaxfsi.mesh import Mesh
 from jaxfsi.meshing import tube
 from lumped.blocks import RCR

@@ -22,7 +22,7 @@ from jaxfsi.core.march import march
 from jaxfsi.core.model import Model, build_model
 from jaxfsi.core.ports import AbstractVelocity, VelocityPort
 from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepping import prepare
+from jaxfsi.core.stepper import prepare
 from jaxfsi.core.viscosity import Newtonian
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.meshing import strip

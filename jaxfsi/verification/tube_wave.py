@@ -26,7 +26,7 @@ from jaxfsi.core.model import Model, build_model
 from jaxfsi.core.ports import PressurePort
 from jaxfsi.core.solid import Wall
 from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepping import prepare
+from jaxfsi.core.stepper import prepare
 from jaxfsi.core.viscosity import Newtonian
 from jaxfsi.mesh import Mesh
 from jaxfsi.verification.figures import Figure, figure

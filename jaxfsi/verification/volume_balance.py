@@ -25,7 +25,8 @@ from jaxfsi.core.elements import area_vectors, flux
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.state import State
-from jaxfsi.core.stepping import Stepper, StepReport, advance_step
+from jaxfsi.core.stepper import Stepper
+from jaxfsi.core.stepping import StepReport, advance_step
 from jaxfsi.mesh import INTERFACE, Mesh
 
 

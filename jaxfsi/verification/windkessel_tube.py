@@ -18,7 +18,7 @@ from jaxfsi.core.march import march
 from jaxfsi.core.model import Model, build_model
 from jaxfsi.core.ports import BlockPort, FlowPort
 from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepping import prepare
+from jaxfsi.core.stepper import prepare
 from jaxfsi.core.viscosity import Newtonian
 from jaxfsi.mesh import Mesh
 from jaxfsi.opening import Opening

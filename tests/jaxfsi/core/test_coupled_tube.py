@@ -9,7 +9,8 @@ from jaxfsi.core.march import march
 from jaxfsi.core.model import build_model
 from jaxfsi.core.ports import FlowPort, PressurePort
 from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepping import RESULTS, advance_step, prepare
+from jaxfsi.core.stepper import prepare
+from jaxfsi.core.stepping import RESULTS, advance_step
 from jaxfsi.verification.coupled_tube import (
     PERIOD,
     TubeParameters,

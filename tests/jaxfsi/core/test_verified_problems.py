@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 
 from jaxfsi import reordered
 from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepping import prepare
+from jaxfsi.core.stepper import prepare
 from jaxfsi.mesh_files import read_vtu
 from jaxfsi.verification import coupled_tube, derivatives, ethier_steinman
 from jaxfsi.verification.elastic_tube import ElasticTube, elastic_mesh, wave_speed

@@ -11,7 +11,7 @@ import pyvista as pv
 
 import jaxfsi.simulation.simulation as simulation
 from jaxfsi.core.march import march
-from jaxfsi.core.stepping import prepare
+from jaxfsi.core.stepper import prepare
 from jaxfsi.simulation import (
     CheckpointError,
     FieldSeries,

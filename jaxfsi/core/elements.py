@@ -25,6 +25,10 @@ from jaxtyping import Array, Float, Int
 Tree = TypeVar("Tree")
 
 
+IN_BOUNDS = jax.lax.GatherScatterMode.PROMISE_IN_BOUNDS
+"""Nodes of elements exist: their indices are not checked in each kernel."""
+
+
 class Geometry(NamedTuple):
     """Shape of the elements.
 
@@ -87,7 +91,9 @@ Corners = tuple[Float[Array, " tets"], ...]
 
 def corners(field: Float[Array, " nodes"], tets: Int[Array, "4 tets"]) -> Corners:
     """Values of a scalar field at the corners of the elements."""
-    return tuple(field[tets[a]] for a in range(4))
+    return tuple(
+        field.at[tets[a]].get(mode=IN_BOUNDS, wrap_negative_indices=False) for a in range(4)
+    )
 
 
 def vector_corners(
@@ -126,7 +132,7 @@ def scatter(values: Corners, tets: Int[Array, "4 tets"], n_nodes: int) -> Float[
     """Sum the contributions of all elements to each node."""
     result = jnp.zeros(n_nodes, values[0].dtype)
     for a in range(4):
-        result = result.at[tets[a]].add(values[a])
+        result = result.at[tets[a]].add(values[a], mode=IN_BOUNDS, wrap_negative_indices=False)
     return result
 
 

@@ -173,13 +173,9 @@ def fluid_residual(
         return V / 20.0 * (f[0] * g[0] + f[1] * g[1] + f[2] * g[2] + f[3] * g[3] + sum_f * sum_g)
 
     cc = [[integral(c[j], c[k], sum_c[j], sum_c[k]) for k in range(3)] for j in range(3)]
-    ca = [
-        [integral(c[j], acceleration[i], sum_c[j], sum_a[i]) for j in range(3)] for i in range(3)
-    ]
+    ca = [[integral(c[j], acceleration[i], sum_c[j], sum_a[i]) for j in range(3)] for i in range(3)]
     convection = [added(sum_c[j] * slope[i][j] for j in range(3)) for i in range(3)]
-    strong = [
-        V * (rho * (sum_a[i] + convection[i]) / 4.0 + pressure_slope[i]) for i in range(3)
-    ]
+    strong = [V * (rho * (sum_a[i] + convection[i]) / 4.0 + pressure_slope[i]) for i in range(3)]
     cc, ca, convection, strong = kept_in_derivatives((cc, ca, convection, strong), shape)
     stresses, by_fine = [], []
     for i in range(3):

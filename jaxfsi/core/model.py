@@ -172,9 +172,11 @@ def _wall_elements(
 ) -> tuple[AbstractWallElement, Int[np.ndarray, "edges 2"]]:
     """Elements of the wall, and the ends of the edges that carry unknowns."""
     if kind == "linear" or not len(solid):
-        return LinearElement(jnp.asarray(solid.T)), np.zeros((0, 2), int)
+        return LinearElement(jnp.asarray(solid.T, jnp.int32)), np.zeros((0, 2), int)
     ends, index = numbered_edges(solid)
-    return QuadraticElement(jnp.asarray(solid.T), jnp.asarray(n_nodes + index.T)), ends
+    return QuadraticElement(
+        jnp.asarray(solid.T, jnp.int32), jnp.asarray(n_nodes + index.T, jnp.int32)
+    ), ends
 
 
 def _among(

@@ -125,10 +125,30 @@ def _tangent(y: Unknowns, model: Model, step: Step, stepper: Stepper):
     return product
 
 
+class _Iterate(NamedTuple):
+    """State of Newton's method.
+
+    Attributes:
+        y: iterate after the last correction.
+        norm: weighted residual before it.
+        first: that of the extrapolated state.
+        asks: whether the residual asked for a correction.
+        n_nonlinear: corrections so far; -1 before the first residual.
+        n_linear: iterations of GMRES so far.
+    """
+
+    y: Flat
+    norm: Float[Array, ""]
+    first: Float[Array, ""]
+    asks: Bool[Array, ""]
+    n_nonlinear: Int[Array, ""]
+    n_linear: Int[Array, ""]
+
+
 def solve_step(
     guess: Unknowns, model: Model, step: Step, stepper: Stepper
 ) -> tuple[Unknowns, Convergence]:
-    """Solve the equations of a step, starting from a guess; see `with_derivative` for derivatives."""
+    """Solve the equations of a step, starting from a guess; see `with_derivative`."""
     scaling = _scaling(model, stepper)
     start, unravel = ravel_pytree(guess)
     # Where the extrapolated state is exact already, only round-off is left to reduce: the forces
@@ -137,28 +157,39 @@ def solve_step(
         step.state.d / stepper.method.weights(step.dt)[2] / stepper.preconditioner.velocity_scale
     )
     forces = jnp.linalg.norm(start / scaling.weight) + jnp.linalg.norm(strain)
-    r = ravel_pytree(residual(guess, model, step, stepper.method))[0]
-    first = jnp.maximum(scaling.norm(r), ROUND_OFF * forces / stepper.tolerance)
 
-    def proceed(s):
-        _, _, norm, k, _ = s
-        return (k < stepper.max_nonlinear) & (norm > stepper.tolerance * first)
+    def proceed(s: _Iterate):
+        return s.asks & (s.n_nonlinear < stepper.max_nonlinear)
 
-    def correct(s):
-        y, r, norm, k, n_linear = s
-        # only as far as this step's tolerance asks for
-        goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
-        product = _tangent(unravel(y), model, step, stepper)
-        dy, n = scaling.correction(product, r, goal, stepper.max_linear)
-        y = y - dy
-        r = ravel_pytree(residual(unravel(y), model, step, stepper.method))[0]
-        return y, r, scaling.norm(r), k + 1, n_linear + n
+    def evaluate(s: _Iterate) -> _Iterate:
+        y = unravel(s.y)
+        r = ravel_pytree(residual(y, model, step, stepper.method))[0]
+        norm = scaling.norm(r)
+        first = jnp.where(
+            s.n_nonlinear < 0, jnp.maximum(norm, ROUND_OFF * forces / stepper.tolerance), s.first
+        )
+        asks = norm > stepper.tolerance * first
 
-    zero = jnp.zeros((), int)
-    y, _, norm, k, n_linear = jax.lax.while_loop(
-        proceed, correct, (start, r, scaling.norm(r), zero, zero)
+        def correct():
+            # only as far as this step's tolerance asks for
+            goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
+            product = _tangent(y, model, step, stepper)
+            dy, n = scaling.correction(product, r, goal, stepper.max_linear)
+            return s.y - dy, n
+
+        def stay():
+            return s.y, jnp.zeros((), int)
+
+        n_nonlinear = s.n_nonlinear + 1
+        y, n = jax.lax.cond(asks & (n_nonlinear < stepper.max_nonlinear), correct, stay)
+        return _Iterate(y, norm, first, asks, n_nonlinear, s.n_linear + n)
+
+    zero, one = jnp.zeros((), int), jnp.ones(())
+    end = jax.lax.while_loop(
+        proceed, evaluate, _Iterate(start, one, one, jnp.asarray(True), zero - 1, zero)
     )
-    return unravel(y), Convergence(n_linear, k, norm / jnp.where(first > 0.0, first, 1.0))
+    remainder = end.norm / jnp.where(end.first > 0.0, end.first, 1.0)
+    return unravel(end.y), Convergence(end.n_linear, end.n_nonlinear, remainder)
 
 
 @eqx.filter_custom_jvp

@@ -162,7 +162,7 @@ def apply_step(
 ) -> Unknowns:
     """The product of `apply_elements`, the blood's part by stencils."""
     _, w_u, _ = method.weights(step.dt)
-    P = operator.pattern
+    P = operator.pattern.neighbour
     coupled = _coupling(v.u, model, step, w_u)
     rows = [
         apply(operator.A, P, v.u[i]) + apply(operator.G[i], P, v.p) + coupled[i] for i in range(3)

@@ -33,10 +33,11 @@ from jaxfsi.core.assembly import (
     isotropic_stiffness,
     stiffness,
 )
-from jaxfsi.core.elements import added, corners, scatter, total, vector_corners
+from jaxfsi.core.elements import added
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.nested_factor import NestedFactor, nested_factor, nested_solve
+from jaxfsi.core.stencil import apply, columns_of, neighbours
 from jaxfsi.core.wall_blocks import edge_blocks, vertex_block
 from jaxfsi.core.wall_elements import Weights
 from jaxfsi.core.wall_factor import (
@@ -56,8 +57,9 @@ class Preconditioner(eqx.Module):
         inverse_diagonal: of A at the blood's own nodes, 0 elsewhere.
         pressure: factor of S.
         pressure_nodes: nodes that carry a pressure.
-        gradient: G of each element, −α_f ∂N V/4.
-        fluid_tets: corners of the fluid elements.
+        neighbour: nodes of the columns of the following, see `Pattern`.
+        gradient: G of each direction, as stencils.
+        gradient_transposed: the transpose of each.
         velocity_scale: A^(−1/2) of each velocity, by its diagonal.
         pressure_scale: S^(−1/2) of each pressure, by its diagonal.
     """
@@ -66,8 +68,9 @@ class Preconditioner(eqx.Module):
     inverse_diagonal: Float[Array, "3 nodes"]
     pressure: NestedFactor
     pressure_nodes: Int[Array, " wet"]
-    gradient: Float[Array, "3 4 tets"]
-    fluid_tets: Int[Array, "4 tets"]
+    neighbour: Int[Array, "columns nodes"]
+    gradient: Float[Array, "3 columns nodes"]
+    gradient_transposed: Float[Array, "3 columns nodes"]
     velocity_scale: Float[Array, "3 nodes"]
     pressure_scale: Float[Array, " nodes"]
 
@@ -102,15 +105,17 @@ def preconditioner(
     S = ((S + S.T) / 2.0).tocsr()[wet][:, wet]
     S_diagonal = np.ones(len(points))
     S_diagonal[wet] = S.diagonal()
-    alpha_f = method.alpha_f
-    grad = -alpha_f * shape.grad * shape.volume[:, None, None] / 4.0
+    neighbour = neighbours(fluid, len(points))
+    G = np.stack([columns_of(block, neighbour) for block in blocks.G])
+    G_transposed = np.stack([columns_of(block.T.tocsr(), neighbour) for block in blocks.G])
     return Preconditioner(
         wall,
         jnp.asarray(inverse_diagonal.T, dtype),
         nested_factor(S, points=points[wet], dtype=dtype),
         jnp.asarray(wet, jnp.int32),
-        jnp.asarray(np.moveaxis(grad, 0, 2).swapaxes(0, 1), dtype),
-        model.fluid_tets,
+        jnp.asarray(neighbour, jnp.int32),
+        jnp.asarray(G, dtype),
+        jnp.asarray(G_transposed, dtype),
         jnp.asarray(np.where(held[:, None], 1.0, blocks.diagonal**-0.5).T),
         jnp.asarray(S_diagonal**-0.5),
     )
@@ -194,21 +199,15 @@ def _wall_response(blocks, wall, wall_nodes, interface) -> Float[np.ndarray, " n
 
 def _weak_gradient(M: Preconditioner, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
     """G p: force of a pressure on the nodes."""
-    whole = total(corners(p, M.fluid_tets))
-    return jnp.stack(
-        [
-            scatter(tuple(g[b] * whole for b in range(4)), M.fluid_tets, p.shape[0])
-            for g in M.gradient
-        ]
-    )
+    return jnp.stack([apply(g, M.neighbour, p) for g in M.gradient])
 
 
 def _weak_gradient_transposed(
     M: Preconditioner, u: Float[Array, "3 nodes"]
 ) -> Float[Array, " nodes"]:
-    velocity = vector_corners(u, M.fluid_tets)
-    whole = added(M.gradient[i, b] * velocity[i][b] for i in range(3) for b in range(4))
-    return scatter((whole, whole, whole, whole), M.fluid_tets, u.shape[1])
+    return added(
+        apply(g, M.neighbour, u_i) for g, u_i in zip(M.gradient_transposed, u, strict=True)
+    )
 
 
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 Values = Float[Array, "columns nodes"]
@@ -33,6 +34,32 @@ class Pattern(eqx.Module):
 
 def pattern(tets: Int[np.ndarray, "tets 4"], n_nodes: int) -> Pattern:
     """Pattern of linear elements."""
+    neighbour, slot = _places(tets, n_nodes)
+    return Pattern(
+        jnp.asarray(neighbour, jnp.int32), jnp.asarray(np.moveaxis(slot, 0, 2), jnp.int32)
+    )
+
+
+def neighbours(tets: Int[np.ndarray, "tets 4"], n_nodes: int) -> Int[np.ndarray, "columns nodes"]:
+    """Node of each column of a pattern."""
+    return _places(tets, n_nodes)[0]
+
+
+def columns_of(
+    matrix: sp.csr_matrix, neighbour: Int[np.ndarray, "columns nodes"]
+) -> Float[np.ndarray, "columns nodes"]:
+    """Values of a sparse matrix in the columns of a pattern that has all its places."""
+    n_columns, n_nodes = neighbour.shape
+    nodes = np.broadcast_to(np.arange(n_nodes), neighbour.shape)
+    values = np.asarray(matrix[nodes.ravel(), neighbour.ravel()]).reshape(n_columns, n_nodes)
+    # A node stands for itself once; other columns with it are not used.
+    own = neighbour == np.arange(n_nodes)
+    return np.where(own & (np.cumsum(own, axis=0) > 1), 0.0, values)
+
+
+def _places(
+    tets: Int[np.ndarray, "tets 4"], n_nodes: int
+) -> tuple[Int[np.ndarray, "columns nodes"], Int[np.ndarray, "tets 4 4"]]:
     row, column = np.repeat(tets, 4, axis=1).ravel(), np.tile(tets, (1, 4)).ravel()
     pairs, index = np.unique(row * n_nodes + column, return_inverse=True)
     rows, columns = np.divmod(pairs, n_nodes)
@@ -42,9 +69,7 @@ def pattern(tets: Int[np.ndarray, "tets 4"], n_nodes: int) -> Pattern:
     neighbour = np.tile(np.arange(n_nodes), (n_columns, 1))
     neighbour[rank, rows] = columns
     slot = (rank * n_nodes + rows)[index].reshape(len(tets), 4, 4)
-    return Pattern(
-        jnp.asarray(neighbour, jnp.int32), jnp.asarray(np.moveaxis(slot, 0, 2), jnp.int32)
-    )
+    return neighbour, slot
 
 
 def assemble(
@@ -66,11 +91,11 @@ def assemble(
 
 
 def apply(
-    values: Values, pattern: Pattern, field: Float[Array, " nodes"]
+    values: Values, neighbour: Int[Array, "columns nodes"], field: Float[Array, " nodes"]
 ) -> Float[Array, " nodes"]:
     """Product of a stencil and a field."""
     # Written out, one column at a time: XLA makes a single loop of it.
     total = jnp.zeros_like(field)
     for k in range(values.shape[0]):
-        total = total + values[k] * field[pattern.neighbour[k]]
+        total = total + values[k] * field[neighbour[k]]
     return total

@@ -38,6 +38,7 @@ class WallParameters:
         nu: Poisson's ratio [-].
         rho_s: density [g/cm³].
         material: elastic law in 3D.
+        prestress: whether the shape in the image carries the diastolic pressure, or no stress.
         thickness_per_radius: wall thickness over local lumen radius [-].
         thickness_min: smallest thickness [cm], if bounded.
         thickness_max: largest thickness [cm], if bounded.
@@ -47,6 +48,7 @@ class WallParameters:
     nu: float = 0.49
     rho_s: float = 1.0
     material: Literal["linear", "saint_venant_kirchhoff", "neo_hookean"] = "saint_venant_kirchhoff"
+    prestress: Literal["diastole", "none"] = "diastole"
     thickness_per_radius: float = 0.1
     thickness_min: float | None = None
     thickness_max: float | None = None

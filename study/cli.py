@@ -175,7 +175,13 @@ def _simulate(options: argparse.Namespace) -> None:
         case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
     state = chosen_states(case, None if options.state is None else [options.state])[0]
     with Progress() as progress:
-        progress.plan({**planned_steps(case, [state]), "preparing": 20.0, STEP_NAME: 1000.0})
+        progress.plan(
+            {
+                **planned_steps(case, [state]),
+                "preparing": 20.0 if options.rigid else 80.0,
+                STEP_NAME: 1000.0,
+            }
+        )
         mesh = mesh_state(case, state, progress).mesh
         check_openings(case, mesh, rigid=options.rigid)
         progress.step("preparing")

@@ -10,7 +10,8 @@
 Under stress the rule of the case changes all blocks. Each starts from the periodic state that it
 has in 0D behind the aortic pressure (the anomalous one behind the surrogate of its artery), so that
 no cycles are lost on filling it; the blood starts at rest under the pressure of the inlet. The wall
-is free of stress at diastole: a constant pressure of that size acts on its outside.
+carries the diastolic pressure in the shape of the image, against no pressure outside, by prestress;
+a case can have it free of stress there instead, with the diastolic pressure outside.
 
 Source: Puelz et al. 2024, section 2.3.
 """
@@ -29,8 +30,10 @@ from jaxfsi.core.fluid import Blood
 from jaxfsi.core.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
 from jaxfsi.core.model import Model, build_model
 from jaxfsi.core.ports import BlockPort, Port, PressurePort
+from jaxfsi.core.prestress import prestressed
 from jaxfsi.core.solid import Wall
 from jaxfsi.core.state import State, initial_state
+from jaxfsi.core.statics import Loads, pressure_load, static_factor
 from jaxfsi.core.viscosity import Newtonian
 from lumped import (
     RCR,
@@ -225,7 +228,7 @@ def prepare_simulation(
 
     Raises:
         CaseError: the case cannot be calibrated.
-        RuntimeError: a periodic state was not found.
+        RuntimeError: a periodic state or the prestress was not found.
     """
     if rigid:
         mesh = submesh(mesh, Region.FLUID).mesh
@@ -236,8 +239,9 @@ def prepare_simulation(
     for name in mesh.openings:
         block = outlets.blocks.get(name)
         ports[name] = PressurePort(inlet) if block is None else BlockPort(block)
-    if not rigid:
-        ports[OUTER_WALL] = PressurePort(Constant(entry.P_diastolic))
+    loaded = not rigid and case.wall.prestress == "diastole"
+    if loaded:
+        ports[OUTER_WALL] = PressurePort(Constant(0.0))
     model = build_model(
         mesh,
         ports,
@@ -245,7 +249,12 @@ def prepare_simulation(
         wall=None
         if rigid
         else Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s),
+        P_ambient=entry.P_diastolic,
     )
+    if loaded:
+        # from the ambient pressure the lumen is free of load, and the outside is pulled
+        outside = pressure_load(mesh, OUTER_WALL, -entry.P_diastolic, model)
+        model = prestressed(model, Loads((outside,)), static_factor(model)).model
     starts = tuple(
         jnp.asarray(outlets.starts[name]) if name in outlets.starts else None for name in ports
     )

@@ -211,10 +211,12 @@ def _notes(
         notes.append(("info", text))
     if not setup.model.is_rigid:
         P = case.conditions[condition].P_diastolic / MMHG
-        text = (
-            f"the wall is taken to be free of stress at the diastolic pressure, {P:.0f} mmHg, which"
-            " also acts on its outside; its stress counts from there"
-        )
+        text = f"the wall carries the diastolic pressure, {P:.0f} mmHg, in the shape of the image"
+        if case.wall.prestress == "none":
+            text = (
+                f"the wall is taken to be free of stress at the diastolic pressure, {P:.0f} mmHg,"
+                " which also acts on its outside"
+            )
         notes.append(("info", text))
     if setup.outlets.alpha_origin.startswith("nominal"):
         notes.append(("info", f"alpha = 1, {setup.outlets.alpha_origin}"))

@@ -25,7 +25,7 @@ from jaxtyping import Array, Float, Int
 Tree = TypeVar("Tree")
 
 
-IN_BOUNDS = jax.lax.GatherScatterMode.PROMISE_IN_BOUNDS
+IN_BOUNDS = "promise_in_bounds"
 """Nodes of elements exist: their indices are not checked in each kernel."""
 
 

@@ -151,7 +151,13 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         lambda: (y.u, step.state.a, step.state.d, y.p),
     )
     r_u, r_p = fluid_residual(
-        u, a, p, model.blood, step.coefficients, model.fluid_tets, step.fluid_shape
+        u,
+        a,
+        p - model.P_ambient,
+        model.blood,
+        step.coefficients,
+        model.fluid_tets,
+        step.fluid_shape,
     )
     if model.wall is not None:
         r_u = r_u + solid_residual(
@@ -203,7 +209,7 @@ def _port_load(
         if isinstance(port, HeldPort):
             continue
         area = area_vectors(step.x, faces)
-        P = step.P_offset[i] + step.Z[i] * flux(y.u, step.x, faces)
+        P = step.P_offset[i] + step.Z[i] * flux(y.u, step.x, faces) - model.P_ambient
         c = jnp.mean(step.coefficients.c[:, faces], axis=1)
         inflow = jnp.minimum(jnp.sum(c * area, axis=0), 0.0)
         backflow = 0.5 * BACKFLOW * model.blood.rho_f * inflow * jnp.mean(u[:, faces], axis=1)

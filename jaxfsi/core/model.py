@@ -22,6 +22,7 @@ from jaxfsi.core.solid import Wall
 from jaxfsi.core.wall_elements import AbstractWallElement, LinearElement
 from jaxfsi.faces import triangle_edges
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
+from lumped.parameters import Parameter
 
 WallElement = Literal["quadratic", "linear"]
 """Which element the wall is made of."""
@@ -47,6 +48,11 @@ class Model(eqx.Module):
         wall: what the wall is made of.
         prestress: second Piola-Kirchhoff stress of the undeformed wall at the quadrature points of
             its elements [dyn/cm²]; None: without stress.
+        P_ambient: pressure from which all others count in the equations [dyn/cm²]. The stress of
+            the wall counts from a uniform −P_ambient, which is what holds it without strain where
+            the same pressure acts on all its surfaces; a surface without a port is under it.
+            Geometry is extrapolated in time, and so are the loads that turn with a surface: the
+            smaller the pressures, the longer the steps that are stable.
         ports: condition of each port.
         profiles: velocity of unit inflow at flow ports [1/cm²]; a field without entries elsewhere.
         port_faces: triangles of each port.
@@ -65,6 +71,7 @@ class Model(eqx.Module):
     blood: Blood
     wall: Wall | None
     prestress: Float[Array, "3 3 points solid_tets"] | None
+    P_ambient: Float[Array, ""]
     ports: tuple[Port, ...]
     profiles: tuple[Float[Array, "3 nodes"] | None, ...]
     port_faces: tuple[Int[Array, "3 _"], ...]
@@ -101,6 +108,7 @@ def build_model(
     wall: Wall | None = None,
     clamped: Sequence[str] | None = None,
     wall_element: WallElement = "linear",
+    P_ambient: Parameter = 0.0,
 ) -> Model:
     """Put a model together.
 
@@ -113,6 +121,8 @@ def build_model(
         clamped: labels whose nodes do not move; None: the cut ends of the wall.
         wall_element: ``"linear"``, as most codes have it, or ``"quadratic"``, which bends and does
             not lock.
+        P_ambient: pressure outside [dyn/cm²], at which the wall has its reference shape, see
+            `Model`.
 
     Raises:
         ValueError: ports and labels do not fit, or the wall is missing.
@@ -158,6 +168,7 @@ def build_model(
         blood=Blood() if blood is None else blood,
         wall=wall if len(solid) else None,
         prestress=None,
+        P_ambient=jnp.asarray(P_ambient, float),
         ports=tuple(ports.values()),
         profiles=tuple(profiles),
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),

@@ -95,7 +95,7 @@ class _Scaling(NamedTuple):
             lambda v: weight * product(v),
             b,
             approximate,
-            tolerance=tolerance * jnp.linalg.norm(b),
+            tolerance=jnp.asarray(tolerance, jnp.float32) * jnp.linalg.norm(b),
             max_iterations=max_iterations,
         )
         return found.x.astype(r.dtype) * scale, found.n_iterations

@@ -177,7 +177,9 @@ def _diagonal(tets, shape, mass, lam, G, n_nodes) -> Float[np.ndarray, "nodes 3"
     values = (lam + G)[:, None, None] * square + (G[:, None] * np.sum(square, axis=2))[..., None]
     values = values * shape.volume[:, None, None] + (mass / 10.0)[:, None, None]
     return np.stack(
-        [np.bincount(tets.ravel(), values[:, :, i].ravel(), n_nodes) for i in range(3)], axis=1
+        [np.bincount(tets.ravel(), values[:, :, i].ravel(), n_nodes) for i in range(3)],
+        axis=1,
+        dtype=float,
     )
 
 

@@ -198,7 +198,9 @@ def cauchy_stress(
     shape: Geometry,
     prestress: Float[Array, "3 3 points tets"] | None = None,
 ) -> Float[Array, "3 3 points tets"]:
-    """Elastic and prestress in the deformed wall, σ = P Fᵀ/J [dyn/cm²].
+    """Elastic stress and prestress in the deformed wall, σ = P Fᵀ/J [dyn/cm²].
+
+    It counts from the ambient pressure of a model, −P_ambient I.
 
     Args:
         d: displacement from the reference configuration [cm].

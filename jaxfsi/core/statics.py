@@ -103,7 +103,7 @@ def pressure_load(
         ValueError: the surface is not one of the wall.
     """
     faces = np.asarray(mesh.labelled(label))
-    sides = tet_faces(np.asarray(model.solid_tets).T).reshape(-1, 3)
+    sides = tet_faces(np.asarray(model.solid_tets, np.int64).T).reshape(-1, 3)
     ours, theirs = np.sort(sides, axis=1), np.sort(faces, axis=1)
     n = len(mesh.points)
     key = [(f[:, 0] * n + f[:, 1]) * n + f[:, 2] for f in (ours, theirs)]

@@ -50,6 +50,8 @@ def columns_of(
 ) -> Float[np.ndarray, "columns nodes"]:
     """Values of a sparse matrix in the columns of a pattern that has all its places."""
     n_columns, n_nodes = neighbour.shape
+    if not n_columns:
+        return np.zeros(neighbour.shape)
     nodes = np.broadcast_to(np.arange(n_nodes), neighbour.shape)
     values = np.asarray(matrix[nodes.ravel(), neighbour.ravel()]).reshape(n_columns, n_nodes)
     # A node stands for itself once; other columns with it are not used.
@@ -60,6 +62,7 @@ def columns_of(
 def _places(
     tets: Int[np.ndarray, "tets 4"], n_nodes: int
 ) -> tuple[Int[np.ndarray, "columns nodes"], Int[np.ndarray, "tets 4 4"]]:
+    tets = tets.astype(np.int64)  # the square of the number of nodes has to fit
     row, column = np.repeat(tets, 4, axis=1).ravel(), np.tile(tets, (1, 4)).ravel()
     pairs, index = np.unique(row * n_nodes + column, return_inverse=True)
     rows, columns = np.divmod(pairs, n_nodes)

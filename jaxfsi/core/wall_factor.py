@@ -132,7 +132,9 @@ def _largest(factor: WallFactor, n_vertices: int) -> Float[Array, ""]:
     return jax.lax.fori_loop(0, _POWER_STEPS, once, (start, jnp.ones(())))[1]
 
 
-def _product(factor: WallFactor, v: Field, w: Float[Array, "3 edges"]) -> Field:
+def _product(
+    factor: WallFactor, v: Float[Array, "3 vertices"], w: Float[Array, "3 edges"]
+) -> Float[Array, "3 _"]:
     """Tangent times a field given on vertices and edges."""
     assert factor.wall is not None
     field = jnp.concatenate([v, w], axis=1)

@@ -24,6 +24,7 @@ from jaxfsi.core.materials import (
 )
 from jaxfsi.core.solid import Wall, cauchy_stress, deformation_gradients
 from jaxfsi.core.wall_elements import AbstractWallElement
+from lumped.parameters import Parameter
 
 
 class WallStress(NamedTuple):
@@ -47,6 +48,7 @@ def wall_stress(
     element: AbstractWallElement,
     shape: Geometry,
     prestress: Float[Array, "3 3 points tets"] | None = None,
+    P_ambient: Parameter = 0.0,
 ) -> WallStress:
     """Stress and strain of the wall, the mean of its quadrature points; differentiable.
 
@@ -57,6 +59,7 @@ def wall_stress(
         element: elements of the wall.
         shape: their geometry in the reference configuration.
         prestress: second Piola-Kirchhoff stress that is there without deformation [dyn/cm²].
+        P_ambient: pressure from which the stress of the equations counts, see `Model` [dyn/cm²].
     """
     F = deformation_gradients(d, element, shape)
     elastic = cauchy_stress(d, wall, element, shape, prestress)
@@ -66,6 +69,7 @@ def wall_stress(
         [added(elastic[i, j, g] + viscous[g][i][j] for g in points) / len(F) for j in range(3)]
         for i in range(3)
     ]
+    sigma = plus_identity(sigma, -P_ambient)
     deviator = plus_identity(sigma, -(sigma[0][0] + sigma[1][1] + sigma[2][2]) / 3.0)
     square = 1.5 * added(deviator[i][j] ** 2 for i in range(3) for j in range(3))
     loaded = square > 0.0

@@ -124,7 +124,9 @@ def _fields(model: Model, state: State, patches: WallPatches | None):
     cells = {}
     if model.wall is not None:
         shape = geometry(model.x, model.solid_tets)
-        found = wall_stress(state.u, state.d, model.wall, model.element, shape, model.prestress)
+        found = wall_stress(
+            state.u, state.d, model.wall, model.element, shape, model.prestress, model.P_ambient
+        )
         cells = {
             "stress_dyn_per_cm2": _voigt(found.sigma),
             "von_mises_dyn_per_cm2": found.von_mises,

@@ -67,7 +67,7 @@ def test_single_precision_loses_six_digits_not_more():
 def test_lattice_is_dissected_with_little_fill():
     # A square lattice of n² nodes: nested dissection fills about 31/4 n² log₂ n numbers of the
     # triangular factor (George 1973); whole fronts and padding cost at most four times that.
-    n = 40
+    n = 24
     i, j = np.divmod(np.arange(n * n), n)
     near = np.abs(i[:, None] - i) + np.abs(j[:, None] - j) <= 1
     laplace = sp.csr_matrix(np.where(near, -1.0, 0.0) + 6.0 * np.eye(n * n))

@@ -60,3 +60,16 @@ def test_damping_is_part_of_the_stress():
     # 2η ε̇ with ε̇_xy = 1
     np.testing.assert_allclose(found.sigma[0, 1], 100.0, rtol=1e-10)
     np.testing.assert_allclose(found.sigma[0, 0], 0.0, atol=1e-6)
+
+
+def test_ambient_pressure_is_part_of_the_stress_but_no_load_on_the_wall():
+    x, element, shape = _ring()
+    d = 0.1 * jnp.stack([x[1], x[0] ** 2, jnp.zeros_like(x[0])])
+    wall = Wall(NeoHookean(E, NU))
+    plain, ambient = (
+        wall_stress(jnp.zeros_like(x), d, wall, element, shape, P_ambient=P) for P in (0.0, 1e5)
+    )
+    lift = 1e5 * np.eye(3)[:, :, None]
+    np.testing.assert_allclose(ambient.sigma, plain.sigma - lift, atol=1e-9 * E)
+    np.testing.assert_allclose(ambient.von_mises, plain.von_mises, rtol=1e-9)
+    np.testing.assert_array_equal(ambient.strain, plain.strain)

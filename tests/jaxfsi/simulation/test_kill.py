@@ -56,6 +56,7 @@ def _kill_and_resume(content, tmp_path, kills, n_steps, *options):
     return hit
 
 
+@pytest.mark.slow  # a minute: two runs are killed and started again
 def test_run_killed_twice_ends_the_same(pulsed, tmp_path):
     hit = _kill_and_resume(pulsed.content, tmp_path, 2, 600, "--rigid")
     assert hit >= 1

@@ -24,6 +24,7 @@ class State(NamedTuple):
         d_mesh: displacement of the fluid's mesh [cm].
         u_before: velocity one step earlier, for extrapolation [cm/s].
         p_before: pressure one step earlier [dyn/cm²].
+        d_before: displacement of the wall one step earlier [cm].
         blocks: states of the block of each port, empty for other ports.
         P_port: pressure of each port [dyn/cm²].
         Q_port: flow out of each port [cm³/s].
@@ -37,6 +38,7 @@ class State(NamedTuple):
     d_mesh: Float[Array, "3 nodes"]
     u_before: Float[Array, "3 nodes"]
     p_before: Float[Array, " nodes"]
+    d_before: Float[Array, "3 nodes"]
     blocks: tuple[Float[Array, " _"], ...]
     P_port: Float[Array, " ports"]
     Q_port: Float[Array, " ports"]
@@ -77,6 +79,7 @@ def initial_state(
         d_mesh=zero,
         u_before=zero,
         p_before=pressure,
+        d_before=zero,
         blocks=tuple(states),
         P_port=jnp.full(n_ports, jnp.asarray(p, float)),
         Q_port=jnp.zeros(n_ports),

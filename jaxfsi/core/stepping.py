@@ -125,6 +125,7 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         step.d_mesh,
         old.u,
         old.p,
+        old.d,
         tuple(blocks),
         jnp.array(P, float),
         Q,

@@ -272,6 +272,7 @@ def _rescaled(state: State, ratio: float) -> State:
     return state._replace(
         u_before=state.u - ratio * (state.u - state.u_before),
         p_before=state.p - ratio * (state.p - state.p_before),
+        d_before=state.d - ratio * (state.d - state.d_before),
     )
 
 

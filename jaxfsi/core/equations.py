@@ -1,12 +1,13 @@
 """The coupled equations of one step, as a residual in the new velocity and pressure.
 
 Only the geometry is explicit: the interface's displacement at the end of the step is extrapolated
-from the last two, with second order, and moves the blood's mesh. Pressures act on that surface. To
-extrapolate by velocity and acceleration is of the same order, but where the wall's velocity
-alternates from step to step it exaggerates the displacement fifty times (fourfold here): the wall
-between two lumens, a millimetre thick under 75 mmHg on both sides, began to flutter at Δt = 2 ms. Velocity of the wall and of the blood on it are one
-unknown, and the wall's displacement follows from it by the rule of the method, so that the added
-mass of the blood is implicit.
+from the last two, with second order, and moves the blood's mesh. To extrapolate by velocity and
+acceleration is of the same order, but exaggerates the displacement fifty times, instead of
+fourfold, where the wall's velocity alternates from step to step; the pressures on both sides of a
+septum a millimetre thick then made it flutter at Δt = 2 ms.
+
+Velocity of the wall and of the blood on it are one unknown, and the wall's displacement follows
+from it by the rule of the method, so that the added mass of the blood is implicit.
 """
 
 from typing import NamedTuple

@@ -19,6 +19,7 @@ from scipy.spatial import KDTree
 from jaxfsi import reordered
 from jaxfsi.core.state import initial_state
 from jaxfsi.core.stepper import prepare
+from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files import read_mesh_complete, read_vtu
 from jaxfsi.verification import (
     coupled_tube,
@@ -61,7 +62,7 @@ def pulse() -> Iterator[Figure]:
     low, high = tube_wave.PULSE_DISPLACEMENT
     sizes = ((16, 40, 2, 1e-4), (24, 60, 3, 5e-5))
     found = [
-        tube_wave.largest_displacement(_wave_mesh(around, axial, layers), dt=dt)
+        tube_wave.largest_displacement(wave_mesh(around, axial, layers), dt=dt)
         for around, axial, layers, dt in sizes
     ]
     # All errors are of second order and go with the size of the elements.
@@ -71,7 +72,8 @@ def pulse() -> Iterator[Figure]:
     yield in_band("3dTube", "radial displacement, extrapolated [cm]", limit, low, high)
 
 
-def _wave_mesh(n_around: int, n_axial: int, n_layers: int):
+def wave_mesh(n_around: int, n_axial: int, n_layers: int) -> Mesh:
+    """The elastic tube of the waves with so many elements round, along and through its wall."""
     return round_tube(
         radius=tube_wave.RADIUS,
         length=tube_wave.LENGTH,

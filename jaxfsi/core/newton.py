@@ -101,7 +101,7 @@ class _Scaling(NamedTuple):
         return found.x.astype(r.dtype) * scale, found.n_iterations
 
 
-def _single(tree):
+def single(tree):
     """The same in single precision."""
     return jax.tree.map(lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, tree)
 
@@ -113,11 +113,11 @@ def _scaling(model: Model, stepper: Stepper) -> _Scaling:
     return _Scaling(weight, held, M)
 
 
-def _tangent(y: Unknowns, model: Model, step: Step, stepper: Stepper):
+def tangent(y: Unknowns, model: Model, step: Step, stepper: Stepper):
     """Product with the Jacobian about y, for flat vectors in single precision."""
-    motion = _single(motion_of_wall(y, model, step, stepper.method))
-    model, step = _single((model, step))
-    _, unravel = ravel_pytree(_single(y))
+    motion = single(motion_of_wall(y, model, step, stepper.method))
+    model, step = single((model, step))
+    _, unravel = ravel_pytree(single(y))
 
     def product(flat: Flat) -> Flat:
         return ravel_pytree(apply_elements(unravel(flat), model, step, stepper.method, motion))[0]
@@ -173,7 +173,7 @@ def solve_step(
         def correct():
             # only as far as this step's tolerance asks for
             goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
-            product = _tangent(y, model, step, stepper)
+            product = tangent(y, model, step, stepper)
             dy, n = scaling.correction(product, r, goal, stepper.max_linear)
             return s.y - dy, n
 
@@ -209,8 +209,8 @@ def _(primals, tangents):
 
     _, change = eqx.filter_jvp(equations, (model, step), (model_change, step_change))
     b, unravel = ravel_pytree(change)
-    scaling, single = _scaling(model, stepper), _tangent(y, model, step, stepper)
-    single_transposed = jax.linear_transpose(single, b.astype(jnp.float32))
+    scaling, forward = _scaling(model, stepper), tangent(y, model, step, stepper)
+    backward = jax.linear_transpose(forward, b.astype(jnp.float32))
 
     def matvec(flat: Flat) -> Flat:
         def along(y: Unknowns):
@@ -241,10 +241,10 @@ def _(primals, tangents):
         return correct
 
     def solve(matvec, b: Flat) -> Flat:
-        return refined(matvec, correction(single, transposed=False), b)
+        return refined(matvec, correction(forward, transposed=False), b)
 
     def transposed_solve(vecmat, b: Flat) -> Flat:
-        product = lambda v: single_transposed(v)[0]  # noqa: E731
+        product = lambda v: backward(v)[0]  # noqa: E731
         return refined(vecmat, correction(product, transposed=True), b)
 
     dy = jax.lax.custom_linear_solve(matvec, b, solve, transposed_solve)

@@ -14,7 +14,7 @@ from typing import Any
 
 import jax
 
-BENCHMARKS = ("surrogate", "alpha", "vascular", "fits", "meshing")
+BENCHMARKS = ("surrogate", "alpha", "vascular", "fits", "meshing", "verification", "wall", "steps")
 
 
 def main() -> int:

@@ -3,6 +3,7 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -14,6 +15,8 @@ Parameter = Float[Array, "..."] | float | int
 
 def real(value: Any) -> Array:
     """Convert a number or array to a double-precision array leaf."""
+    if isinstance(value, jax.Array) and value.dtype == jnp.float32:
+        return value  # a copy made for single precision
     return jnp.asarray(value, dtype=jnp.float64)
 
 

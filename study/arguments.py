@@ -13,7 +13,7 @@ from study.cache import VARIABLE
 from study.mesh_results import FORMATS
 
 LARGEST_COUNT = 1_000_000
-_ON_CASES = ("run", "calibrate", "sweep", "mesh")
+_ON_CASES = ("run", "calibrate", "sweep", "mesh", "simulate")
 
 _DESCRIPTION = """\
 Pressure ratios (FFR, resting Pd/Pa) of anomalous coronary arteries by reduced models that are
@@ -78,6 +78,21 @@ writes the mesh in each format, mesh.json with all its numbers, mesh.html and it
 that was made before comes from the cache.
 """,
     ),
+    "simulate": (
+        "run blood and wall in 3D, with the circulation behind every outlet",
+        """\
+examples:
+  jaxfsi simulate case.toml                          rest, as many cycles as the case says
+  jaxfsi simulate case.toml --condition dobutamine --preset coarse
+  jaxfsi simulate case.toml --rigid --cycles 1
+  jaxfsi simulate --demo --preset coarse --cycles 0.05
+
+needs an anatomy and the cardiac output. Writes fields/fields.pvd (open it in ParaView, also while
+the run goes on; Warp By Vector with displacement_cm moves the points), history.csv, shear.vtu,
+simulation.json and simulation.html. A run that was ended goes on when the same command is given
+again (its input is compared by hash); --restart forgets it. Ctrl-C keeps all that was computed.
+""",
+    ),
     "show": (
         "print a stored result; with --out, write its report again",
         """\
@@ -134,6 +149,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     sweep.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
     sweep.add_argument("--rule", help="stress rule: printed, all, or factors of the case")
     _mesh_arguments(parsers["mesh"])
+    _simulation_arguments(parsers["simulate"])
     parsers["run"].add_argument(
         "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
     )
@@ -165,6 +181,39 @@ def _mesh_arguments(command: argparse.ArgumentParser) -> None:
         metavar="NAMES",
         help=f"some of {','.join(FORMATS)}; folder is mesh-complete; default: vtu",
     )
+
+
+def _simulation_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--rigid", action="store_true", help="a wall that does not move")
+    command.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
+    command.add_argument("--state", metavar="NAME", help="state of the anatomy; default: the first")
+    command.add_argument("--preset", choices=tuple(PRESETS), help="30k, 150k or 500k tetrahedra")
+    command.add_argument("--dt", type=_positive(0.1), metavar="S", help="step in s; default: 1e-3")
+    command.add_argument(
+        "--cycles", type=_positive(1000.0), metavar="N", help="may be a part of one; default: 4"
+    )
+    command.add_argument(
+        "--alpha",
+        type=_positive(1e6),
+        metavar="X",
+        help="of the anomalous outlet; by default tuned",
+    )
+    command.add_argument(
+        "--restart", action="store_true", help="forget an earlier run in the folder"
+    )
+
+
+def _positive(high: float) -> Callable[[str], float]:
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+        if not 0.0 < value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {high:g}")
+        return value
+
+    return read
 
 
 def _count(low: int, high: int) -> Callable[[str], int]:

@@ -37,6 +37,8 @@ class WallParameters:
         E: Young's modulus [dyn/cm²].
         nu: Poisson's ratio [-].
         rho_s: density [g/cm³].
+        material: elastic law in 3D.
+        prestress: whether the shape in the image carries the diastolic pressure, or no stress.
         thickness_per_radius: wall thickness over local lumen radius [-].
         thickness_min: smallest thickness [cm], if bounded.
         thickness_max: largest thickness [cm], if bounded.
@@ -45,6 +47,8 @@ class WallParameters:
     E: float = 1.5e7
     nu: float = 0.49
     rho_s: float = 1.0
+    material: Literal["linear", "saint_venant_kirchhoff", "neo_hookean"] = "saint_venant_kirchhoff"
+    prestress: Literal["diastole", "none"] = "diastole"
     thickness_per_radius: float = 0.1
     thickness_min: float | None = None
     thickness_max: float | None = None
@@ -141,11 +145,21 @@ class SolverOptions:
         dt: time step of a 3D run [s].
         cycles: cardiac cycles of a 3D run.
         n_steps: samples of a cycle in 0D.
+        frames_per_cycle: fields written in a cycle of a 3D run.
+        checkpoint_every: steps between two checkpoints of a 3D run.
+        tolerance: by how much the residual of a step is reduced in 3D.
+        max_halvings: how often a step that fails may be halved.
+        change_limit: largest change of a step; None takes steps of equal length.
     """
 
     dt: float | None = None
     cycles: int | None = None
     n_steps: int | None = None
+    frames_per_cycle: int | None = None
+    checkpoint_every: int | None = None
+    tolerance: float | None = None
+    max_halvings: int | None = None
+    change_limit: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -223,6 +237,9 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     return _build(file, values, context.texts)
 
 
+_COUNTS = ("cycles", "n_steps", "frames_per_cycle", "checkpoint_every", "max_halvings")
+
+
 def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[str, str]]) -> Case:
     wall, blood = values["wall"], values["blood"]
     wall = {"rho_s" if name == "density" else name: value for name, value in wall.items()}
@@ -234,7 +251,7 @@ def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[
         conditions={n: Condition(name=n, **entry) for n, entry in values["condition"].items()},
         coronary=CoronaryParameters(**values["coronary"]),
         surrogate=SurrogateParameters(**values["surrogate"]),
-        solver=SolverOptions(**_whole(values["solver"], "cycles", "n_steps")),
+        solver=SolverOptions(**_whole(values["solver"], *_COUNTS)),
         source=texts["source"],
         blood=BloodParameters(mu=blood["viscosity"], rho_f=blood["density"]),
         stress=StressParameters(**values["stress"]),
@@ -325,6 +342,12 @@ REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
     "calibrate": (_rest, _rest_ffr, _resistance, _quadratic_loss),
     "sweep": (_rest, _resistance, _quadratic_loss),
     "mesh": (
+        _anatomy,
+        _ivus_key("centerline", "centerline", _LINE),
+        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _tissue,
+    ),
+    "simulate": (
         _anatomy,
         _ivus_key("centerline", "centerline", _LINE),
         _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),

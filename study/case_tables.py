@@ -33,6 +33,12 @@ WALL = (
     Quantity("E", "stiffness", "dyn_per_cm2", 1.0e5, 1.0e9, 1.5e7),
     Quantity("nu", "number", "", 0.0, 0.5, 0.49, advice="give Poisson's ratio, at most 0.5"),
     Quantity("density", "density", "g_per_cm3", 0.5, 3.0, 1.0),
+    Word(
+        "material",
+        ("linear", "saint_venant_kirchhoff", "neo_hookean"),
+        default="saint_venant_kirchhoff",
+    ),
+    Word("prestress", ("diastole", "none"), default="diastole"),
     Quantity("thickness_per_radius", "number", "", 0.01, 1.0, 0.1),
 )
 THICKNESS = (
@@ -82,6 +88,11 @@ SOLVER = (
     Quantity("dt", "time", "s", 1.0e-7, 0.1),
     Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),
     Quantity("n_steps", "number", "", 8.0, 1.0e6, whole=True),
+    Quantity("frames_per_cycle", "number", "", 1.0, 1000.0, whole=True),
+    Quantity("checkpoint_every", "number", "", 1.0, 1.0e6, whole=True),
+    Quantity("tolerance", "number", "", 1.0e-10, 0.1),
+    Quantity("max_halvings", "number", "", 0.0, 12.0, whole=True),
+    Quantity("change_limit", "number", "", 1.0e-6, 10.0),
 )
 MESH = (
     Word("preset", tuple(PRESETS), default="medium"),

@@ -12,24 +12,34 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
-from study.anatomy_source import states_of
+from study.anatomy_source import case_anatomy, states_of
 from study.arguments import parse
 from study.cache import use_cache
 from study.case import Case, read_case, require
+from study.case_anatomy import MeshAnatomy
 from study.demo import demo_case_path
 from study.faults import CaseError, Fault
-from study.mesh_case import chosen_states, coarse, coarse_mesh, mesh_states, planned_steps
+from study.mesh_case import (
+    chosen_states,
+    coarse,
+    coarse_mesh,
+    mesh_state,
+    mesh_states,
+    planned_steps,
+)
 from study.mesh_results import embedded, mesh_document, stored_pictures, write_meshes
 from study.output import OutputRefused, check_folder, write_files, write_tree
 from study.pipeline import run_case
 from study.progress import Progress
 from study.provenance import provenance
-from study.report import html_report
+from study.report import html_report, simulation_report
 from study.results import (
     MESH_FILE,
     PAGE_FILE,
     REPORT_FILE,
     RESULT_FILE,
+    SIMULATION_FILE,
+    SIMULATION_PAGE,
     Document,
     calibration_document,
     case_document,
@@ -37,6 +47,22 @@ from study.results import (
     to_json,
     without_waveforms,
 )
+from study.simulation_case import (
+    check_openings,
+    check_simulation,
+    plan_steps,
+    prepare_simulation,
+)
+from study.simulation_pictures import draw_simulation
+from study.simulation_results import (
+    SERIES_FILE,
+    Drawn,
+    embedded_pictures,
+    simulation_document,
+    stored_simulation_pictures,
+    write_pictures,
+)
+from study.simulation_run import STEP_NAME, clear_run, run_simulation
 from study.summary import summary
 from study.sweep import (
     FIGURE_FILE,
@@ -78,8 +104,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of the output has gone; a second complaint at exit would help nobody.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
-    except KeyboardInterrupt:
-        print("interrupted; nothing was written", file=sys.stderr)
+    except KeyboardInterrupt as stop:
+        print(str(stop) or "interrupted; nothing was written", file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
         print(f"the output could not be written: {error}", file=sys.stderr)
@@ -141,6 +167,58 @@ def _mesh(options: argparse.Namespace) -> None:
     _show(options, document, written)
 
 
+def _simulate(options: argparse.Namespace) -> None:
+    case, folder = _open(options)
+    require(case, "simulate")
+    check_simulation(case, options.condition, rigid=options.rigid, dt=options.dt)
+    if options.preset is not None:
+        case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
+    state = chosen_states(case, None if options.state is None else [options.state])[0]
+    with Progress() as progress:
+        progress.plan(
+            {
+                **planned_steps(case, [state]),
+                "preparing": 20.0 if options.rigid else 80.0,
+                STEP_NAME: 1000.0,
+            }
+        )
+        mesh = mesh_state(case, state, progress).mesh
+        check_openings(case, mesh, rigid=options.rigid)
+        progress.step("preparing")
+        schedule = plan_steps(case, options.condition, dt=options.dt, cycles=options.cycles)
+        setup = prepare_simulation(
+            case, mesh, options.condition, schedule, rigid=options.rigid, alpha=options.alpha
+        )
+        if options.restart:
+            clear_run(folder)
+        progress.step(STEP_NAME)
+        outcome = run_simulation(case, setup, folder, progress)
+        progress.step("drawing")
+        anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
+        drawn = Drawn(
+            *draw_simulation(
+                folder / SERIES_FILE, setup.mesh, anatomy, outcome.record, schedule.period
+            )
+        )
+        progress.step("writing the report")
+        origin = provenance(case, options.command_line)
+        document = simulation_document(
+            case, options.condition, setup, outcome, drawn, folder, origin
+        )
+        page = simulation_report(document, embedded_pictures(drawn))
+        written = write_tree(
+            folder,
+            lambda part: write_pictures(part, drawn),
+            {SIMULATION_PAGE: page, SIMULATION_FILE: to_json(document)},
+        )
+    _show(options, document, written)
+    again = "Give the same command again to go on; --restart starts anew."
+    if outcome.interrupted:
+        raise KeyboardInterrupt(f"interrupted; what was computed is in {folder}. {again}")
+    if outcome.failure:
+        raise RuntimeError(f"{outcome.failure} What was computed before is in {folder}.")
+
+
 def _calibrate(options: argparse.Namespace) -> None:
     case, folder = _open(options)
     with Progress() as progress:
@@ -170,7 +248,7 @@ def _show_result(options: argparse.Namespace) -> None:
         summary(document)
         page = ""
         if options.out is not None:
-            page = html_report(document, _pictures_beside(options.result, document))
+            page = _page(options.result, document)
     except (KeyError, TypeError, IndexError, ValueError) as error:
         problem = f"a part of the result is missing or damaged: {error!r}"
         raise CaseError(
@@ -178,9 +256,18 @@ def _show_result(options: argparse.Namespace) -> None:
         ) from error
     written = []
     if options.out is not None:
-        name = PAGE_FILE if document["kind"] == "mesh" else REPORT_FILE
+        names = {"mesh": PAGE_FILE, "simulate": SIMULATION_PAGE}
+        name = names.get(document["kind"], REPORT_FILE)
         written = write_files(check_folder(options.out), {name: page})
     _show(options, document, written)
+
+
+def _page(result: pathlib.Path, document: Document) -> str:
+    """The report of a stored result."""
+    if document["kind"] == "simulate":
+        folder = result if result.is_dir() else result.parent
+        return simulation_report(document, stored_simulation_pictures(folder, document))
+    return html_report(document, _pictures_beside(result, document))
 
 
 def _pictures_beside(result: pathlib.Path, document: Document) -> dict[str, dict[str, str]]:
@@ -207,6 +294,7 @@ def _template(options: argparse.Namespace) -> None:
 _COMMANDS = {
     "run": _run,
     "mesh": _mesh,
+    "simulate": _simulate,
     "calibrate": _calibrate,
     "sweep": _sweep,
     "show": _show_result,

@@ -41,6 +41,7 @@ class Progress:
         self._at = -1
         self._start = self._step_start = time.monotonic()
         self._spent, self._expected = 0.0, 0.0
+        self._told: tuple[str, float] | None = None
         self._shown = False
         self._thread: threading.Thread | None = None
 
@@ -89,19 +90,27 @@ class Progress:
                 self._spent += now - self._step_start
                 self._expected += sum(seconds for _, seconds in self._plan[self._at : at])
             self._at, self._step_start = at, now
+            self._told = None
+
+    def tell(self, text: str, left: float) -> None:
+        """Say what the current step is at, and the seconds that it still takes."""
+        with self._lock:
+            self._told = (text, time.monotonic() + left)
 
     def message(self) -> str:
         """What is shown now."""
         with self._lock:
             now = time.monotonic()
+            if self._told is not None:
+                text, end = self._told
+                return f"{text} ({_span(now - self._start)} so far, {_left(end - now)})"
             name = self._plan[self._at][0] if self._at >= 0 else "starting"
             pace = (self._spent + 1.0) / (self._expected + 1.0)
             current = self._plan[self._at][1] * pace if self._at >= 0 else 0.0
             later = sum(seconds for _, seconds in self._plan[self._at + 1 :]) * pace
             left = max(current - (now - self._step_start), 0.0) + later
         elapsed = now - self._start
-        estimate = f"about {_span(left)} left" if left >= 1.0 else "nearly done"
-        return f"{name} ({_span(elapsed)} so far, {estimate})"
+        return f"{name} ({_span(elapsed)} so far, {_left(left)})"
 
     def _watch(self) -> None:
         if self._stop.wait(self._quiet):
@@ -119,6 +128,10 @@ class Progress:
             self._stream.flush()
         except (OSError, ValueError):  # the reader has gone: progress is not worth an error
             self._stop.set()
+
+
+def _left(seconds: float) -> str:
+    return f"about {_span(seconds)} left" if seconds >= 1.0 else "nearly done"
 
 
 def _span(seconds: float) -> str:

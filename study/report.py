@@ -11,6 +11,8 @@ from study.figures import NAMES, figures
 from study.mesh_figures import mesh_figures
 from study.pipeline import CALIBRATED, FIXED
 from study.results import ratio_name
+from study.simulation_figures import simulation_figures
+from study.simulation_pictures import PICTURES
 
 Document = Mapping[str, Any]
 
@@ -37,6 +39,22 @@ def html_report(document: Document, pictures: Pictures | None = None) -> str:
         gaps=list(gap_rows(document)),
         windkessels=list(windkessel_rows(document)),
         top=top_sensitivities(document),
+    )
+
+
+def simulation_report(document: Document, pictures: Mapping[str, str]) -> str:
+    """The report of a 3D run as HTML, its figures inside.
+
+    Args:
+        document: what `simulation_document` made, fresh or read back.
+        pictures: addresses of pictures by name.
+    """
+    return _rendered(
+        "simulation.html",
+        d=document,
+        fig=_safe(simulation_figures(document)),
+        picture=pictures,
+        captions=PICTURES,
     )
 
 

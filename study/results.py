@@ -25,6 +25,9 @@ FORMAT = "jaxfsi 1"
 
 RESULT_FILE, REPORT_FILE = "result.json", "report.html"
 MESH_FILE, PAGE_FILE = "mesh.json", "mesh.html"
+SIMULATION_FILE, SIMULATION_PAGE = "simulation.json", "simulation.html"
+
+_FILES = (RESULT_FILE, MESH_FILE, SIMULATION_FILE)
 
 Document = dict[str, Any]
 
@@ -69,8 +72,8 @@ def to_json(document: Mapping[str, Any]) -> str:
 
 
 def without_waveforms(document: Document) -> Document:
-    """The document without its long arrays: waveforms, and outlines of meshed lumens."""
-    short = {name: part for name, part in document.items() if name != "waveforms"}
+    """The document without its long arrays: waveforms, histories, outlines of meshed lumens."""
+    short = {n: part for n, part in document.items() if n not in ("waveforms", "history")}
     if document["kind"] == "mesh":
         return {**short, "states": _without_outlines(short["states"])}
     mesh = short.get("mesh")
@@ -96,12 +99,12 @@ def load_document(path: pathlib.Path) -> Document:
     """Read a document that was written before.
 
     Args:
-        path: the file, or the folder that holds `result.json` or `mesh.json`.
+        path: the file, or the folder that holds `result.json`, `mesh.json` or `simulation.json`.
 
     Raises:
         CaseError: the file cannot be read, or is no document of this layout.
     """
-    held = [path / name for name in (RESULT_FILE, MESH_FILE) if (path / name).is_file()]
+    held = [path / name for name in _FILES if (path / name).is_file()]
     file = (held or [path / RESULT_FILE])[0] if path.is_dir() else path
     cure = f"give a {RESULT_FILE} that jaxfsi wrote, or the folder that holds it"
 

@@ -10,9 +10,13 @@ Document = Mapping[str, Any]
 
 def summary(document: Document) -> str:
     """The document of any command in a few lines."""
-    lines = {"run": _run, "calibrate": _calibration, "sweep": _sweep, "mesh": _mesh}[
-        document["kind"]
-    ]
+    lines = {
+        "run": _run,
+        "calibrate": _calibration,
+        "sweep": _sweep,
+        "mesh": _mesh,
+        "simulate": _simulation,
+    }[document["kind"]]
     return "\n".join(lines(document)) + "\n"
 
 
@@ -103,6 +107,29 @@ def _mesh(document: Document) -> Iterator[str]:
             f"{name[:19]:<20}{tets.get('fluid', 0):>9}{tets.get('solid', 0):>9}{angle:>11.2f}"
             f"{error:>12}{ratio:>15}{euler:>12}{sum(entry['wall_time_s'].values()):>8.1f}"
         )
+    for note in document["notes"]:
+        yield ""
+        yield f"{'! ' if note['level'] == 'warning' else ''}{note['text']}"
+
+
+def _simulation(document: Document) -> Iterator[str]:
+    solver = document["solver"]
+    wall = "rigid wall" if document["rigid"] else "moving wall"
+    yield f"{document['patient']}: {document['condition']}, {wall}, alpha = {document['alpha']:.6g}"
+    yield (
+        f"{solver['steps_done']} of {solver['steps_planned']} steps of {solver['dt_s']:.4g} s,"
+        f" {len(document['events'])} repeated"
+    )
+    yield f"{'cycle':<10}{'opening':<20}{'mean P mmHg':>13}{'mean Q mL/min':>15}{'ratio':>9}"
+    for cycle in document["cycles"]:
+        label = f"{cycle['cycle']}" + ("" if cycle["complete"] else " (part)")
+        ratio = "" if cycle["ratio"] is None else f"{cycle['ratio']:.4f}"
+        for name, port in cycle["ports"].items():
+            yield (
+                f"{label:<10}{name[:19]:<20}{port['mean_P_mmHg']:>13.2f}"
+                f"{port['mean_Q_ml_per_min']:>15.1f}{ratio:>9}"
+            )
+            label = ratio = ""
     for note in document["notes"]:
         yield ""
         yield f"{'! ' if note['level'] == 'warning' else ''}{note['text']}"

@@ -46,6 +46,7 @@ id = "patient-01"                   # names the results: letters, digits, ". _ -
 #E_dyn_per_cm2 = 1.5e7
 #nu = 0.49
 #density_g_per_cm3 = 1.0
+#material = "saint_venant_kirchhoff" # linear | saint_venant_kirchhoff | neo_hookean
 #thickness_per_radius = 0.1         # or { factor = 0.1, min_mm = 0.3, max_mm = 2.0 }
 
 # The condition at rest. ffr is the measured mean distal over mean aortic pressure (resting Pd/Pa):
@@ -99,6 +100,11 @@ R0_dyn_s_per_cm5 = 5.0e3            # may be left out with an ivus anatomy
 #dt_s = 1.0e-3                      # example: step of a 3D run
 #cycles = 4                         # example: cycles of a 3D run
 #n_steps = 1000                     # example: samples of a cycle in 0D
+#frames_per_cycle = 40              # example, 3D: fields written in a cycle
+#checkpoint_every = 100             # example, 3D: steps between two checkpoints
+#tolerance = 1.0e-3                 # example, 3D: by how much the residual of a step is reduced
+#max_halvings = 4                   # example, 3D: how often a step that fails may be halved
+#change_limit = 0.03                # example, 3D: adaptive steps; absent: steps of equal length
 """
 
 

@@ -68,7 +68,7 @@ def test_good_case_is_read_in_cgs(tmp_path):
     assert case.coronary == CoronaryParameters(R_1=4e4, P_venous=5.0 * MMHG)
     assert case.surrogate == SurrogateParameters(R0=5e3, K=800.0, law="quadratic")
     assert (case.stress.rule, case.stress.factors) == ("all", None)
-    assert dataclasses.astuple(case.solver) == (1e-3, 4, 1000)
+    assert dataclasses.astuple(case.solver)[:3] == (1e-3, 4, 1000)
     assert dataclasses.astuple(case.mesh) == ("coarse", 6, 2, "netgen", "cm")
     assert case.source == {"patient": "invented", "condition.rest": "cohort mean"}
     for command in REQUIREMENTS:
@@ -125,7 +125,7 @@ def test_own_stress_factors_default_to_one(tmp_path):
 
 def test_template_is_a_valid_case(tmp_path):
     case = read_case(write_case(tmp_path, case_template()))
-    for command in set(REQUIREMENTS) - {"mesh"}:  # its anatomy is an example that is commented out
+    for command in set(REQUIREMENTS) - {"mesh", "simulate"}:  # its anatomy is commented out
         require(case, command)
     assert case.wall == WallParameters()
     assert case.coronary == CoronaryParameters()

@@ -1,0 +1,90 @@
+"""Elements of the wall: bending and near incompressibility of both, as deflection over the exact.
+
+A clamped strip and a squeezed ring with one to three layers and elements as long as the wall is
+thick, or twice as long; a thick tube against Lamé. One number is right where linear elements lock.
+"""
+
+from typing import Any
+
+from benchmarks.timing import timed
+from jaxfsi.core.statics import equilibrium, static_factor
+from jaxfsi.verification import (
+    RING_WORK,
+    STRIP_WORK,
+    WallProblem,
+    clamped_strip,
+    lame_displacement,
+    radial_displacement,
+    squeezed_ring,
+    thick_tube,
+    work,
+)
+
+_RATIOS = (0.3, 0.49, 0.4999)
+_ELEMENTS = ("linear", "quadratic")
+
+
+def run(rounds: int) -> dict[str, Any]:
+    """Run the benchmark; it has one round, since nothing is timed twice."""
+    del rounds
+    rows = []
+    for nu in _RATIOS:
+        for element in _ELEMENTS:
+            for layers in (1, 2, 3):
+                problem = clamped_strip(nu, element, n_layers=layers)
+                rows.append(_row("strip", nu, element, layers, problem, STRIP_WORK[nu]))
+            for layers, around in ((1, 16), (1, 32), (2, 32)):
+                problem = squeezed_ring(
+                    nu, element, n_layers=layers, n_around=around, n_axial=max(2, around // 10)
+                )
+                rows.append(_row("ring", nu, element, layers, problem, RING_WORK[nu], around))
+            problem = thick_tube(nu, element)
+            rows.append(_row("tube", nu, element, 2, problem, None, 32))
+    worst = max(
+        abs(row["ratio"] - 1.0)
+        for row in rows
+        if row["element"] == "quadratic" and row["around"] != 16
+    )
+    return {
+        "name": "wall",
+        "rows": rows,
+        "notes": [
+            "ratio: work of the load over the converged one; of the tube, widening over Lamé's.",
+            "16 round the ring makes elements twice as long as the wall is thick.",
+        ],
+        "passed": worst <= 0.05,
+    }
+
+
+def _row(
+    case: str,
+    nu: float,
+    element: str,
+    layers: int,
+    problem: WallProblem,
+    reference: float | None,
+    around: int | str = "",
+) -> dict[str, Any]:
+    def solve() -> Any:
+        factor = static_factor(problem.model)
+        return equilibrium(
+            problem.model, problem.loads, factor, max_linear=300, tolerance=1e-7, throw=False
+        )
+
+    end, seconds = timed(solve)
+    if reference is None:
+        exact = lame_displacement(0.5, 0.5, 0.6, 1e-4, 1.0, nu)
+        ratio = radial_displacement(problem, end.d, 0.5, 1.0) / exact
+    else:
+        ratio = work(problem, end.d) / reference
+    return {
+        "case": case,
+        "nu": nu,
+        "element": element,
+        "layers": layers,
+        "around": around,
+        "ratio": float(ratio),
+        "linear_iterations": int(end.n_linear),
+        "out_of_balance": float(end.residual),
+        "first_s": seconds,
+    }

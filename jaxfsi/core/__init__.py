@@ -1,0 +1,1 @@
+"""Finite elements of blood and wall on tetrahedra, and the coupled step in time."""

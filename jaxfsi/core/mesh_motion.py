@@ -1,0 +1,72 @@
+"""Motion of the fluid's mesh: the interface's displacement spread over the blood.
+
+Each component is harmonic with a coefficient 1/V, so that small elements are stiff::
+
+    ∇·((1/V) ∇d_mesh) = 0 in the blood,  d_mesh = d on the interface,  d_mesh = 0 on the openings
+
+The coefficient belongs to the reference mesh, so that the map from interface to mesh is linear and
+its factor is made once.
+
+Source: Stein, Tezduyar & Benney 2003, J. Appl. Mech. 70:58 (Jacobian-based stiffening).
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from jaxfsi.core.assembly import assembled, host_geometry, stiffness
+from jaxfsi.core.elements import Geometry, added, corners, gradient, scatter
+from jaxfsi.core.model import Model
+from jaxfsi.core.nested_factor import NestedFactor, nested_factor, nested_solve
+
+
+class MeshMotion(eqx.Module):
+    """The map from the interface's displacement to that of the mesh.
+
+    Attributes:
+        factor: of the weighted Laplacian on the nodes that move freely.
+        free: these nodes.
+        shape: reference geometry of the fluid elements; the weight V/V is 1 and stands as `volume`.
+        tets: corners of the fluid elements.
+    """
+
+    factor: NestedFactor
+    free: Int[Array, " free"]
+    shape: Geometry
+    tets: Int[Array, "4 tets"]
+
+
+def mesh_motion(model: Model) -> MeshMotion:
+    """Prepare the motion of the mesh of a model with concrete node positions."""
+    points, tets = np.asarray(model.x).T, np.asarray(model.fluid_tets).T
+    shape = host_geometry(points, tets)
+    matrix = assembled(tets, stiffness(shape, 1.0 / shape.volume), len(points))
+    free = np.flatnonzero(~np.asarray(model.mesh_held))
+    return MeshMotion(
+        nested_factor(matrix[free][:, free], points=points[free]),
+        jnp.asarray(free, jnp.int32),
+        Geometry(jnp.asarray(np.moveaxis(shape.grad, 0, 2).swapaxes(0, 1)), jnp.ones(len(tets))),
+        model.fluid_tets,
+    )
+
+
+def mesh_displacement(
+    motion: MeshMotion, d_interface: Float[Array, "3 nodes"]
+) -> Float[Array, "3 nodes"]:
+    """Displacement of the fluid's nodes [cm].
+
+    Args:
+        motion: see `mesh_motion`.
+        d_interface: displacement of the held nodes, 0 elsewhere [cm].
+    """
+
+    def component(d: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
+        slope = gradient(corners(d, motion.tets), motion.shape)
+        grad = motion.shape.grad
+        flux = tuple(added(grad[j, b] * slope[j] for j in range(3)) for b in range(4))
+        residual = scatter(flux, motion.tets, d.shape[0])[motion.free]
+        return d.at[motion.free].add(-nested_solve(motion.factor, residual))
+
+    return jax.vmap(component)(d_interface)

@@ -1,0 +1,251 @@
+"""The equations of a step solved, and the derivative of their solution.
+
+Newton's method with GMRES, started from the extrapolated state, on the tangent of `operator` in
+single precision. The blood's equations are linear in the unknowns, so that one solve is often
+enough; the residual is evaluated again in double precision, and a correction follows where it asks
+for one. Residuals are weighted by the square root of the frozen diagonal, which makes momentum and
+continuity comparable (both become the root of a power).
+
+The derivative is that of the equations F(y, θ) = 0 (implicit function theorem)::
+
+    ∂F/∂y dy = −∂F/∂θ dθ
+
+whatever the solve took; in reverse mode the transposed system is solved, once a step. Either is
+solved by corrections in single precision with the residual in double precision (iterative
+refinement, Higham 2002, chapter 12).
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxfsi.core.equations import Step, Unknowns, motion_of_wall, residual
+from jaxfsi.core.krylov import fgmres
+from jaxfsi.core.model import Model
+from jaxfsi.core.operator import apply_elements
+from jaxfsi.core.preconditioner import Preconditioner, precondition, precondition_transposed
+from jaxfsi.core.stepper import Stepper
+
+LEAST_REDUCTION = 1e-4
+"""Furthest that one linear solve in single precision is asked to reduce its residual."""
+
+ROUND_OFF = 1e-14
+"""Share of the forces on a node below which their sum cannot be told from zero."""
+
+DERIVATIVE_TOLERANCE = 1e-6
+"""Relative residual of the systems that give derivatives."""
+
+MOST_REFINEMENTS = 6
+"""Corrections of such a system at most."""
+
+Flat = Float[Array, " unknowns"]
+
+
+class Convergence(NamedTuple):
+    """How a solve went.
+
+    Attributes:
+        n_linear: iterations of GMRES in all.
+        n_nonlinear: linear systems solved.
+        residual: weighted residual at the end over that of the extrapolated state, or over a
+            multiple of the round-off of the forces where that is larger.
+    """
+
+    n_linear: Int[Array, ""]
+    n_nonlinear: Int[Array, ""]
+    residual: Float[Array, ""]
+
+
+class _Scaling(NamedTuple):
+    """Weights and preconditioner of flat vectors in single precision.
+
+    Attributes:
+        weight: of the residuals, in double precision.
+        held: rows that say what an unknown is held at.
+        preconditioner: of the linear systems.
+    """
+
+    weight: Flat
+    held: Bool[Array, " unknowns"]
+    preconditioner: Preconditioner
+
+    def norm(self, r: Flat) -> Float[Array, ""]:
+        """Weighted norm of a residual."""
+        return jnp.linalg.norm(self.weight * r)
+
+    def correction(self, product, r: Flat, tolerance, max_iterations: int, *, transposed=False):
+        """Solve product(x) = r in single precision to a relative tolerance."""
+        weight = self.weight.astype(jnp.float32)
+        inverse = precondition_transposed if transposed else precondition
+        n_u = self.preconditioner.velocity_scale.size
+        scale = self.norm(r)
+        scale = jnp.where(scale > 0.0, scale, 1.0)
+
+        def approximate(v: Flat) -> Flat:
+            v = v / weight
+            z = inverse(self.preconditioner, v[:n_u].reshape(3, -1), v[n_u:])
+            return jnp.where(self.held, v, ravel_pytree(z)[0])
+
+        b = weight * (r / scale).astype(jnp.float32)
+        found = fgmres(
+            lambda v: weight * product(v),
+            b,
+            approximate,
+            tolerance=jnp.asarray(tolerance, jnp.float32) * jnp.linalg.norm(b),
+            max_iterations=max_iterations,
+        )
+        return found.x.astype(r.dtype) * scale, found.n_iterations
+
+
+def single(tree):
+    """The same in single precision."""
+    return jax.tree.map(lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, tree)
+
+
+def _scaling(model: Model, stepper: Stepper) -> _Scaling:
+    M = stepper.preconditioner
+    weight = jnp.concatenate([M.velocity_scale.reshape(-1), M.pressure_scale])
+    held = jnp.concatenate([jnp.tile(model.held, 3), ~model.in_fluid])
+    return _Scaling(weight, held, M)
+
+
+def tangent(y: Unknowns, model: Model, step: Step, stepper: Stepper):
+    """Product with the Jacobian about y, for flat vectors in single precision."""
+    motion = single(motion_of_wall(y, model, step, stepper.method))
+    model, step = single((model, step))
+    _, unravel = ravel_pytree(single(y))
+
+    def product(flat: Flat) -> Flat:
+        return ravel_pytree(apply_elements(unravel(flat), model, step, stepper.method, motion))[0]
+
+    return product
+
+
+class _Iterate(NamedTuple):
+    """State of Newton's method.
+
+    Attributes:
+        y: iterate after the last correction.
+        norm: weighted residual before it.
+        first: that of the extrapolated state.
+        asks: whether the residual asked for a correction.
+        n_nonlinear: corrections so far; -1 before the first residual.
+        n_linear: iterations of GMRES so far.
+    """
+
+    y: Flat
+    norm: Float[Array, ""]
+    first: Float[Array, ""]
+    asks: Bool[Array, ""]
+    n_nonlinear: Int[Array, ""]
+    n_linear: Int[Array, ""]
+
+
+def solve_step(
+    guess: Unknowns, model: Model, step: Step, stepper: Stepper
+) -> tuple[Unknowns, Convergence]:
+    """Solve the equations of a step, starting from a guess; see `with_derivative`."""
+    scaling = _scaling(model, stepper)
+    start, unravel = ravel_pytree(guess)
+    # Where the extrapolated state is exact already, only round-off is left to reduce: the forces
+    # that cancel, on the scale of the residuals, times the precision.
+    strain = (
+        step.state.d / stepper.method.weights(step.dt)[2] / stepper.preconditioner.velocity_scale
+    )
+    forces = jnp.linalg.norm(start / scaling.weight) + jnp.linalg.norm(strain)
+
+    def proceed(s: _Iterate):
+        return s.asks & (s.n_nonlinear < stepper.max_nonlinear)
+
+    def evaluate(s: _Iterate) -> _Iterate:
+        y = unravel(s.y)
+        r = ravel_pytree(residual(y, model, step, stepper.method))[0]
+        norm = scaling.norm(r)
+        first = jnp.where(
+            s.n_nonlinear < 0, jnp.maximum(norm, ROUND_OFF * forces / stepper.tolerance), s.first
+        )
+        asks = norm > stepper.tolerance * first
+
+        def correct():
+            # only as far as this step's tolerance asks for
+            goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
+            product = tangent(y, model, step, stepper)
+            dy, n = scaling.correction(product, r, goal, stepper.max_linear)
+            return s.y - dy, n
+
+        def stay():
+            return s.y, jnp.zeros((), int)
+
+        n_nonlinear = s.n_nonlinear + 1
+        y, n = jax.lax.cond(asks & (n_nonlinear < stepper.max_nonlinear), correct, stay)
+        return _Iterate(y, norm, first, asks, n_nonlinear, s.n_linear + n)
+
+    zero, one = jnp.zeros((), int), jnp.ones(())
+    end = jax.lax.while_loop(
+        proceed, evaluate, _Iterate(start, one, one, jnp.asarray(True), zero - 1, zero)
+    )
+    remainder = end.norm / jnp.where(end.first > 0.0, end.first, 1.0)
+    return unravel(end.y), Convergence(end.n_linear, end.n_nonlinear, remainder)
+
+
+@eqx.filter_custom_jvp
+def with_derivative(y: Unknowns, model: Model, step: Step, stepper: Stepper) -> Unknowns:
+    """A solution y of the equations of a step, with their derivative by model and step."""
+    del model, step, stepper
+    return y
+
+
+@with_derivative.def_jvp
+def _(primals, tangents):
+    y, model, step, stepper = primals
+    _, model_change, step_change, _ = tangents
+
+    def equations(model: Model, step: Step):
+        return residual(y, model, step, stepper.method)
+
+    _, change = eqx.filter_jvp(equations, (model, step), (model_change, step_change))
+    b, unravel = ravel_pytree(change)
+    scaling, forward = _scaling(model, stepper), tangent(y, model, step, stepper)
+    backward = jax.linear_transpose(forward, b.astype(jnp.float32))
+
+    def matvec(flat: Flat) -> Flat:
+        def along(y: Unknowns):
+            return residual(y, model, step, stepper.method)
+
+        return ravel_pytree(jax.jvp(along, (y,), (unravel(flat),))[1])[0]
+
+    def refined(product, correct, b: Flat) -> Flat:
+        def proceed(s):
+            _, r, k = s
+            return (k < MOST_REFINEMENTS) & (
+                scaling.norm(r) > DERIVATIVE_TOLERANCE * scaling.norm(b)
+            )
+
+        def refine(s):
+            x, r, k = s
+            x = x + correct(r)
+            return x, b - product(x), k + 1
+
+        return jax.lax.while_loop(proceed, refine, (jnp.zeros_like(b), b, 0))[0]
+
+    def correction(product, *, transposed: bool):
+        def correct(r: Flat) -> Flat:
+            return scaling.correction(
+                product, r, DERIVATIVE_TOLERANCE**0.5, stepper.max_linear, transposed=transposed
+            )[0]
+
+        return correct
+
+    def solve(matvec, b: Flat) -> Flat:
+        return refined(matvec, correction(forward, transposed=False), b)
+
+    def transposed_solve(vecmat, b: Flat) -> Flat:
+        product = lambda v: backward(v)[0]  # noqa: E731
+        return refined(vecmat, correction(product, transposed=True), b)
+
+    dy = jax.lax.custom_linear_solve(matvec, b, solve, transposed_solve)
+    return y, jax.tree.map(jnp.negative, unravel(dy))

@@ -1,0 +1,141 @@
+"""One step in time: solve the coupled equations, then bring state and ports up to date."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jaxfsi.core.elements import flux, geometry
+from jaxfsi.core.equations import Step, Unknowns, begin_step, extrapolated
+from jaxfsi.core.generalized_alpha import GeneralizedAlpha
+from jaxfsi.core.model import Model
+from jaxfsi.core.newton import solve_step, with_derivative
+from jaxfsi.core.ports import BlockPort
+from jaxfsi.core.state import State
+from jaxfsi.core.stepper import Stepper
+from lumped.views import advance
+
+
+class RESULTS(eqx.Enumeration):
+    """How a step ended."""
+
+    successful = ""
+    not_converged = (
+        "The equations of a step were not solved to the tolerance. Take a smaller dt, or more"
+        " iterations."
+    )
+    inverted = (
+        "An element of the blood's mesh has turned inside out. Take a smaller dt, a finer mesh"
+        " where the lumen is narrow, or a stiffer wall."
+    )
+    not_finite = (
+        "The state is no longer finite. Take a smaller dt and check the units of pressures, flows"
+        " and moduli."
+    )
+
+
+class StepReport(NamedTuple):
+    """How a step went.
+
+    Attributes:
+        result: see `RESULTS`.
+        n_linear: see `Convergence`.
+        n_nonlinear: see `Convergence`.
+        residual: see `Convergence`.
+        least_volume: smallest volume of a fluid element over its reference volume.
+    """
+
+    result: RESULTS
+    n_linear: Int[Array, ""]
+    n_nonlinear: Int[Array, ""]
+    residual: Float[Array, ""]
+    least_volume: Float[Array, ""]
+
+
+@eqx.filter_custom_jvp
+def advance_step(model: Model, state: State, stepper: Stepper) -> tuple[State, StepReport]:
+    """Advance a state by one step.
+
+    Derivatives are those of the new state with respect to model, state and dt. They take the
+    solution from the step itself, so that reverse mode solves nothing twice: it keeps the states
+    before and after, and computes again what lies between.
+    """
+    step = _begun(model, state, stepper)
+    guess = extrapolated(state.t + stepper.dt, model, state)
+    y, convergence = solve_step(guess, model, step, stepper)
+    new = _updated(y, model, step, stepper.method)
+    shrunk = step.fluid_shape.volume / geometry(model.x, model.fluid_tets).volume
+    least = jnp.min(shrunk, initial=jnp.inf)
+    finite = jnp.all(jnp.isfinite(y.u)) & jnp.all(jnp.isfinite(y.p))
+    result = RESULTS.where(
+        convergence.residual <= 10.0 * stepper.tolerance,
+        RESULTS.successful,
+        RESULTS.not_converged,
+    )
+    result = RESULTS.where(least > 0.0, result, RESULTS.inverted)
+    result = RESULTS.where(finite, result, RESULTS.not_finite)
+    return new, StepReport(result, *convergence, least)
+
+
+@advance_step.def_jvp
+def _(primals, tangents):
+    model, state, stepper = primals
+    model_change, state_change, stepper_change = tangents
+    new, report = advance_step(model, state, stepper)
+    y = Unknowns(new.u, new.p)
+
+    @eqx.filter_checkpoint
+    def again(model: Model, state: State, dt: Float[Array, ""]) -> State:
+        timed = eqx.tree_at(lambda s: s.dt, stepper, dt)
+        step = _begun(model, state, timed)
+        return _updated(with_derivative(y, model, step, timed), model, step, timed.method)
+
+    _, change = eqx.filter_jvp(
+        again, (model, state, stepper.dt), (model_change, state_change, stepper_change.dt)
+    )
+    return (new, report), (change, jax.tree.map(lambda _: None, report))
+
+
+def _begun(model: Model, state: State, stepper: Stepper) -> Step:
+    return begin_step(stepper.dt, model, state, stepper.method, stepper.motion)
+
+
+def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> State:
+    dt, old = step.dt, step.state
+    a = method.acceleration(dt, old.u, old.a, y.u)
+    d = method.displacement(dt, old.d, old.u, old.a, a)
+    Q = jnp.array([flux(y.u, step.x, faces) for faces in model.port_faces], float)
+    blocks, P = [], []
+    for i, port in enumerate(model.ports):
+        if isinstance(port, BlockPort):
+            after = advance(old.t, dt, old.blocks[i], port.block, old.Q_port[i], Q[i])
+            blocks.append(after.x)
+            P.append(after.P)
+        else:
+            blocks.append(old.blocks[i])
+            P.append(_mean_pressure(y.p, step, model.port_faces[i]))
+    return State(
+        old.t + dt,
+        y.u,
+        a,
+        jnp.where(model.in_solid, d, 0.0),
+        y.p,
+        step.d_mesh,
+        old.u,
+        old.p,
+        old.d,
+        tuple(blocks),
+        jnp.array(P, float),
+        Q,
+    )
+
+
+def _mean_pressure(
+    p: Float[Array, " nodes"], step: Step, faces: Int[Array, "3 faces"]
+) -> Float[Array, ""]:
+    corner = step.x[:, faces]
+    normal = jnp.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], axis=0)
+    area = jnp.sqrt(jnp.sum(normal**2, axis=0))
+    return jnp.sum(jnp.mean(p[faces], axis=0) * area) / jnp.sum(area)

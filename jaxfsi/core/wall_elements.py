@@ -1,0 +1,113 @@
+"""Elements of the wall: how displacements become strains, and stresses forces.
+
+Two choices behind one interface:
+
+- `LinearElement`: linear tetrahedra, as in most codes; strain is uniform in an element. They
+  neither bend nor, near ν = 1/2, stretch freely: a strip of length 1 and thickness 0.1 with one to
+  three layers has 0.2 to 0.3 of its deflection.
+- `QuadraticElement` (`jaxfsi.core.quadratic`): the same vertices and, on each edge, a vector that
+  bows it; strain is linear in an element.
+"""
+
+import abc
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from jaxfsi.core.elements import Geometry, added, gradient, scatter, total, vector_corners
+from jaxfsi.core.materials import AbstractMaterial, Tensor
+from lumped.parameters import Parameter
+
+Points = tuple[Tensor, ...]
+"""A tensor at each quadrature point of the elements."""
+
+
+class Weights(NamedTuple):
+    """What a change of the unknown does to acceleration, velocity and displacement.
+
+    Attributes:
+        a: derivative of the acceleration.
+        u: derivative of the velocity.
+        d: derivative of the displacement.
+    """
+
+    a: Parameter
+    u: Parameter
+    d: Parameter
+
+
+class AbstractWallElement(eqx.Module):
+    """Kinematics of the wall. Quadrature points have equal weights."""
+
+    tets: eqx.AbstractVar[Int[Array, "4 tets"]]
+
+    @abc.abstractmethod
+    def slopes(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+        """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
+
+    @abc.abstractmethod
+    def stress(self, F: Points, material: AbstractMaterial, shape: Geometry, n: int) -> Points:
+        """First Piola-Kirchhoff stress at the quadrature points [dyn/cm²].
+
+        Args:
+            F: deformation gradients.
+            material: elastic law.
+            shape: of the elements in the reference configuration.
+            n: number of nodes.
+        """
+
+    @abc.abstractmethod
+    def forces(
+        self,
+        stress: Points,
+        a: Float[Array, "3 nodes"],
+        mass: Float[Array, " tets"],
+        shape: Geometry,
+    ) -> Float[Array, "3 nodes"]:
+        """∫ P ∇N dV + ∫ ρ_s N a dV [dyn].
+
+        Args:
+            stress: first Piola-Kirchhoff stress at the quadrature points [dyn/cm²].
+            a: acceleration [cm/s²].
+            mass: of the elements [g].
+            shape: of the elements in the reference configuration.
+        """
+
+
+class LinearElement(AbstractWallElement):
+    """Linear tetrahedra.
+
+    Attributes:
+        tets: corners of the elements.
+    """
+
+    tets: Int[Array, "4 tets"]
+
+    def slopes(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+        """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
+        return ([gradient(component, shape) for component in vector_corners(field, self.tets)],)
+
+    def stress(self, F: Points, material: AbstractMaterial, shape: Geometry, n: int) -> Points:
+        """First Piola-Kirchhoff stress at the quadrature points [dyn/cm²]."""
+        return (material.stress(F[0]),)
+
+    def forces(
+        self,
+        stress: Points,
+        a: Float[Array, "3 nodes"],
+        mass: Float[Array, " tets"],
+        shape: Geometry,
+    ) -> Float[Array, "3 nodes"]:
+        """∫ P ∇N dV + ∫ ρ_s N a dV [dyn]."""
+        grad, V = shape
+        rows = []
+        for row, corner in zip(stress[0], vector_corners(a, self.tets), strict=True):
+            whole = total(corner)
+            force = tuple(
+                mass / 20.0 * (corner[b] + whole) + V * added(grad[j, b] * row[j] for j in range(3))
+                for b in range(4)
+            )
+            rows.append(scatter(force, self.tets, a.shape[1]))
+        return jnp.stack(rows)

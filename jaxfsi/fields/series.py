@@ -1,0 +1,66 @@
+"""A time series of files for ParaView: the PVD file that names each with its time.
+
+The PVD is replaced as a whole after each frame, so that it can be opened while a run goes on; the
+frame that it names last is complete.
+"""
+
+import pathlib
+import re
+import xml.etree.ElementTree as ET
+from typing import NamedTuple
+
+from jaxfsi.fields.frame import write_whole
+
+_STEP = re.compile(r"_(\d+)\.[a-z]+$")
+
+
+class Entry(NamedTuple):
+    """One frame of a series.
+
+    Attributes:
+        t: its time [s].
+        file: its file, relative to the PVD.
+    """
+
+    t: float
+    file: str
+
+    @property
+    def step(self) -> int:
+        """Number of the step that the file's name ends in."""
+        found = _STEP.search(self.file)
+        return int(found[1]) if found else 0
+
+
+def frame_name(stem: str, step: int, suffix: str = "vtu") -> str:
+    """Name of the file of a step."""
+    return f"{stem}_{step:07d}.{suffix}"
+
+
+def write_series(path: pathlib.Path, entries: list[Entry]) -> None:
+    """Write a PVD file."""
+    rows = [f'<DataSet timestep="{e.t!r}" part="0" file="{e.file}"/>' for e in entries]
+    text = [
+        '<?xml version="1.0"?>',
+        '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
+        "<Collection>",
+        *rows,
+        "</Collection>",
+        "</VTKFile>",
+    ]
+    write_whole(path, ("\n".join(text) + "\n").encode())
+
+
+def read_series(path: pathlib.Path) -> list[Entry]:
+    """Entries of a PVD file; none where there is no file.
+
+    Raises:
+        ValueError: the file is no PVD.
+    """
+    if not path.is_file():
+        return []
+    try:
+        root = ET.parse(path).getroot()
+        return [Entry(float(e.attrib["timestep"]), e.attrib["file"]) for e in root.iter("DataSet")]
+    except (ET.ParseError, KeyError, ValueError) as error:
+        raise ValueError(f"{path} is no PVD file: {error}. Remove it, or write it again.") from None

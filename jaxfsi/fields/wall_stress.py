@@ -1,0 +1,90 @@
+"""Stress and strain of the wall on its elements.
+
+::
+
+    σ = (P(F) + F S₀ + F 2η Ė) Fᵀ / J,     E = (FᵀF − I)/2,     Ė = sym(Fᵀ ∂u/∂X)
+    von Mises:  √(3/2 s:s),  s = σ − tr(σ)/3 I
+
+P: first Piola-Kirchhoff stress of the material, S₀: prestress, η: Kelvin-Voigt viscosity.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxfsi.core.elements import Geometry, added
+from jaxfsi.core.materials import (
+    Tensor,
+    combined,
+    determinant,
+    plus_identity,
+    product,
+    transposed,
+)
+from jaxfsi.core.solid import Wall, cauchy_stress, deformation_gradients
+from jaxfsi.core.wall_elements import AbstractWallElement
+from lumped.parameters import Parameter
+
+
+class WallStress(NamedTuple):
+    """Stress and strain on each element of the wall.
+
+    Attributes:
+        sigma: Cauchy stress [dyn/cm²].
+        von_mises: its von Mises stress [dyn/cm²].
+        strain: Green's strain.
+    """
+
+    sigma: Float[Array, "3 3 tets"]
+    von_mises: Float[Array, " tets"]
+    strain: Float[Array, "3 3 tets"]
+
+
+def wall_stress(
+    u: Float[Array, "3 nodes"],
+    d: Float[Array, "3 nodes"],
+    wall: Wall,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None = None,
+    P_ambient: Parameter = 0.0,
+) -> WallStress:
+    """Stress and strain of the wall, the mean of its quadrature points; differentiable.
+
+    Args:
+        u: velocity [cm/s].
+        d: displacement [cm].
+        wall: what the wall is made of.
+        element: elements of the wall.
+        shape: their geometry in the reference configuration.
+        prestress: second Piola-Kirchhoff stress that is there without deformation [dyn/cm²].
+        P_ambient: pressure from which the stress of the equations counts, see `Model` [dyn/cm²].
+    """
+    F = deformation_gradients(d, element, shape)
+    elastic = cauchy_stress(d, wall, element, shape, prestress)
+    points = range(len(F))
+    viscous = [_viscous(f, H, wall) for f, H in zip(F, element.slopes(u, shape), strict=True)]
+    sigma = [
+        [added(elastic[i, j, g] + viscous[g][i][j] for g in points) / len(F) for j in range(3)]
+        for i in range(3)
+    ]
+    sigma = plus_identity(sigma, -P_ambient)
+    deviator = plus_identity(sigma, -(sigma[0][0] + sigma[1][1] + sigma[2][2]) / 3.0)
+    square = 1.5 * added(deviator[i][j] ** 2 for i in range(3) for j in range(3))
+    loaded = square > 0.0
+    von_mises = jnp.where(loaded, jnp.sqrt(jnp.where(loaded, square, 1.0)), 0.0)
+    share = 0.5 / len(F)
+    strain = combined(*((share, plus_identity(product(transposed(f), f), -1.0)) for f in F))
+    return WallStress(_stacked(sigma), von_mises, _stacked(strain))
+
+
+def _viscous(F: Tensor, slopes: Tensor, wall: Wall) -> Tensor:
+    """Cauchy stress of the Kelvin-Voigt viscosity."""
+    rate = product(transposed(F), slopes)
+    S = combined((wall.damping, rate), (wall.damping, transposed(rate)))
+    return combined((1.0 / determinant(F), product(product(F, S), transposed(F))))
+
+
+def _stacked(tensor) -> Float[Array, "3 3 tets"]:
+    return jnp.stack([jnp.stack(list(row)) for row in tensor])

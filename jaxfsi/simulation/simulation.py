@@ -1,0 +1,326 @@
+"""A run of many steps: chunks of compiled steps, repeats, observers, checkpoints.
+
+Chunks end at whole steps whose numbers do not depend on where the run began: a run that was ended
+at any moment and goes on from its checkpoint takes the same chunks, and reaches the same bits.
+"""
+
+import dataclasses
+import pathlib
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxfsi.core.model import Model
+from jaxfsi.core.state import State
+from jaxfsi.core.stepper import Stepper, prepare
+from jaxfsi.core.stepping import RESULTS
+from jaxfsi.simulation.checkpoint import (
+    Checkpoint,
+    fingerprint,
+    load_checkpoint,
+    save_checkpoint,
+)
+from jaxfsi.simulation.chunk import Chunk, advance_chunk
+from jaxfsi.simulation.observer import AbstractObserver
+from jaxfsi.simulation.record import Record, empty_record, joined
+from jaxfsi.simulation.step_control import (
+    Position,
+    StepControl,
+    after_steps,
+    steps_to,
+    stride,
+    whole_steps,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class SolverChoice:
+    """How each step is solved; see `prepare`.
+
+    Attributes:
+        rho_infinity: damping of the highest frequency.
+        tolerance: by how much the residual of the extrapolated state is reduced.
+        max_linear: iterations of GMRES at most.
+        max_nonlinear: linear systems a step at most.
+    """
+
+    rho_infinity: float = 0.5
+    tolerance: float = 1e-3
+    max_linear: int = 40
+    max_nonlinear: int = 3
+
+
+class Glimpse(NamedTuple):
+    """What is known of a run while it goes on.
+
+    Attributes:
+        step: whole steps done.
+        n_steps: whole steps in all.
+        t: time [s].
+        dt: length of the next step [s].
+        names: of the ports.
+        P_port: mean pressure of each port [dyn/cm²].
+        Q_port: flow out of each port [cm³/s].
+        n_linear: iterations of the last step.
+        record: of all steps so far.
+    """
+
+    step: float
+    n_steps: int
+    t: float
+    dt: float
+    names: tuple[str, ...]
+    P_port: np.ndarray
+    Q_port: np.ndarray
+    n_linear: int
+    record: Record
+
+
+class Simulation(NamedTuple):
+    """Result of a run.
+
+    Attributes:
+        state: at its end.
+        record: of all its steps.
+        events: what went wrong and was mended: step, t, dt, cause.
+        resumed_from: whole step of the checkpoint that it went on from; None for a fresh run.
+    """
+
+    state: State
+    record: Record
+    events: list[dict[str, Any]]
+    resumed_from: int | None
+
+
+class SimulationError(RuntimeError):
+    """A step failed at the smallest length.
+
+    Attributes:
+        simulation: what was computed before.
+    """
+
+    def __init__(self, message: str, simulation: Simulation):
+        RuntimeError.__init__(self, message)
+        self.simulation = simulation
+
+
+def simulate(
+    model: Model,
+    state: State,
+    *,
+    dt: float,
+    n_steps: int,
+    chunk: int = 20,
+    control: StepControl | None = None,
+    solver: SolverChoice | None = None,
+    observers: Sequence[AbstractObserver] = (),
+    checkpoint: pathlib.Path | None = None,
+    checkpoint_every: int = 100,
+    glimpse: Callable[[Glimpse], None] | None = None,
+) -> Simulation:
+    """Run a model for a number of steps.
+
+    Args:
+        model: the model; its numbers must be concrete.
+        state: state at the start.
+        dt: length of a whole step, the longest one [s].
+        n_steps: whole steps to take.
+        chunk: whole steps in one compiled call: progress and interrupts come that often.
+        control: how the length of steps is chosen; by default equal steps, halved up to four times
+            where one fails.
+        solver: how each step is solved.
+        observers: look at the state; each at multiples of its own number of steps.
+        checkpoint: file to keep the run in; where it exists, the run goes on from it.
+        checkpoint_every: whole steps between two checkpoints.
+        glimpse: told of each chunk.
+
+    Returns:
+        The state at the end and what happened.
+
+    Raises:
+        ValueError: a number is out of range.
+        CheckpointError: the checkpoint belongs to another run, or is damaged.
+        SimulationError: a step failed at the smallest length; what was computed is inside, and in
+            the checkpoint.
+        KeyboardInterrupt: the run was interrupted; its last chunk is in the checkpoint.
+    """
+    _check(n_steps, chunk, checkpoint_every, observers)
+    control, solver = control or StepControl(), solver or SolverChoice()
+    choices = (dt, dataclasses.asdict(control), dataclasses.asdict(solver), chunk)
+    looks = [(observer.name, observer.every) for observer in observers]
+    run_hash = ""
+    if checkpoint is not None:
+        run_hash = fingerprint(model, state, *choices, checkpoint_every, looks)
+    resumed = None
+    if checkpoint is not None and checkpoint.exists():
+        run = load_checkpoint(checkpoint, state, run_hash)
+        resumed = run.position.grain // stride(0, control)
+        for observer in observers:
+            observer.restore(resumed, run.memories.get(observer.name, {}))
+    else:
+        for observer in observers:
+            observer.observe(0, model, state)
+        run = Checkpoint(state, Position(), empty_record(len(model.ports)), [], {})
+        run = _remembered(run, observers)
+    periods = [chunk, checkpoint_every, *(observer.every for observer in observers)]
+    steppers: dict[int, Stepper] = {}
+    reached = run
+    whole = stride(0, control)
+    try:
+        while (done := run.position.grain // whole) < n_steps:
+            stop = min(n_steps, *((done // every + 1) * every for every in periods))
+            reached = run
+            while reached.position.grain < stop * whole:
+                stepper = _stepper(reached.position.level, steppers, dt, model, solver)
+                reached = _advanced(stop, model, reached, stepper, control, chunk)
+                if glimpse is not None:
+                    glimpse(_glimpse(n_steps, model, reached, control, dt))
+            for observer in observers:
+                if stop % observer.every == 0:
+                    observer.observe(stop, model, reached.state)
+            run = _remembered(reached, observers)
+            if checkpoint is not None and (stop % checkpoint_every == 0 or stop == n_steps):
+                save_checkpoint(checkpoint, run, run_hash)
+    except (KeyboardInterrupt, StepFailure) as stop_of_run:
+        if checkpoint is not None:
+            save_checkpoint(checkpoint, run, run_hash)
+        if isinstance(stop_of_run, StepFailure):
+            kept = Simulation(reached.state, reached.record, reached.events, resumed)
+            raise SimulationError(str(stop_of_run), kept) from None
+        raise
+    return Simulation(run.state, run.record, run.events, resumed)
+
+
+class StepFailure(RuntimeError):
+    """A step failed at the smallest length."""
+
+
+def _check(
+    n_steps: int, chunk: int, checkpoint_every: int, observers: Sequence[AbstractObserver]
+) -> None:
+    numbers = {"n_steps": n_steps, "chunk": chunk, "checkpoint_every": checkpoint_every}
+    numbers |= {f"every of {observer.name}": observer.every for observer in observers}
+    bad = [f"{name} = {value}" for name, value in numbers.items() if value < 1]
+    if bad:
+        raise ValueError(f"{', '.join(bad)}: not above zero. Give whole numbers of steps.")
+    names = [observer.name for observer in observers]
+    if len(set(names)) != len(names):
+        raise ValueError(f"two observers have one name: {', '.join(names)}. Name them apart.")
+
+
+def _remembered(run: Checkpoint, observers: Sequence[AbstractObserver]) -> Checkpoint:
+    """The run with what the observers know now."""
+    return run._replace(memories={observer.name: observer.memory() for observer in observers})
+
+
+def _stepper(
+    level: int, steppers: dict[int, Stepper], dt: float, model: Model, solver: SolverChoice
+) -> Stepper:
+    """The stepper of a level; that of whole steps and the last other one are kept."""
+    if level not in steppers:
+        for other in [k for k in steppers if k != 0]:
+            del steppers[other]
+        steppers[level] = prepare(dt / 2**level, model, **dataclasses.asdict(solver))
+    return steppers[level]
+
+
+def _advanced(
+    stop: int, model: Model, run: Checkpoint, stepper: Stepper, control: StepControl, chunk: int
+) -> Checkpoint:
+    """The run after a chunk that ends at a whole step at the latest.
+
+    Raises:
+        StepFailure: a step failed at the deepest level.
+    """
+    before = run.position
+    limit = np.inf if control.change_limit is None else control.change_limit
+    if before.level == control.max_halvings:
+        limit = np.inf
+    n_steps = min(chunk, steps_to(stop, before, control))
+    end = advance_chunk(
+        model, run.state, stepper, jnp.asarray(n_steps), jnp.asarray(limit, float), chunk
+    )
+    n_good = int(end.n_steps)
+    failed = not bool(end.result == RESULTS.successful)
+    record = _joined_rows(run, end, n_good, stepper, control)
+    events = run.events
+    if failed:
+        event = _event(end, n_good, before, stepper, control)
+        if before.level == control.max_halvings:
+            raise StepFailure(
+                f"Step {event['step']:g} failed at t = {event['t_s']:.6g} s, also with a step of"
+                f" {event['dt_s']:.3g} s. {event['cause']}"
+            )
+        events = [*events, event]
+    largest = float(np.max(record.change[len(record.change) - n_good :], initial=0.0))
+    after = after_steps(n_good, failed or bool(end.coarse), largest, before, control)
+    state = _rescaled(end.state, 2.0 ** (before.level - after.level))
+    return Checkpoint(state, after, record, events, run.memories)
+
+
+def _rescaled(state: State, ratio: float) -> State:
+    """The state for steps of another length: extrapolation over a step keeps its slope in time.
+
+    Args:
+        state: the state.
+        ratio: new length of a step over the old one.
+    """
+    if ratio == 1.0:
+        return state
+    return state._replace(
+        u_before=state.u - ratio * (state.u - state.u_before),
+        p_before=state.p - ratio * (state.p - state.p_before),
+        d_before=state.d - ratio * (state.d - state.d_before),
+    )
+
+
+def _joined_rows(
+    run: Checkpoint, end: Chunk, n_good: int, stepper: Stepper, control: StepControl
+) -> Record:
+    history, report = end.history, end.history.report
+    grains = run.position.grain + stride(run.position.level, control) * np.arange(1, n_good + 1)
+    rows = Record(
+        grains / stride(0, control),
+        np.asarray(history.t)[:n_good],
+        np.full(n_good, float(stepper.dt)),
+        np.asarray(history.P_port)[:n_good],
+        np.asarray(history.Q_port)[:n_good],
+        np.asarray(report.n_linear)[:n_good],
+        np.asarray(report.n_nonlinear)[:n_good],
+        np.asarray(report.residual)[:n_good],
+        np.asarray(report.least_volume)[:n_good],
+        np.asarray(end.change)[:n_good],
+    )
+    return joined([run.record, rows])
+
+
+def _event(
+    end: Chunk, n_good: int, before: Position, stepper: Stepper, control: StepControl
+) -> dict[str, Any]:
+    """A failed step in words."""
+    at = before.grain + n_good * stride(before.level, control)
+    return {
+        "step": at / stride(0, control),
+        "t_s": float(end.state.t),
+        "dt_s": float(stepper.dt),
+        "cause": RESULTS[end.result],
+    }
+
+
+def _glimpse(
+    n_steps: int, model: Model, run: Checkpoint, control: StepControl, dt: float
+) -> Glimpse:
+    effort = run.record.n_linear
+    return Glimpse(
+        whole_steps(run.position, control),
+        n_steps,
+        float(run.state.t),
+        dt / 2**run.position.level,
+        model.names,
+        np.asarray(run.state.P_port),
+        np.asarray(run.state.Q_port),
+        int(effort[-1]) if len(effort) else 0,
+        run.record,
+    )

@@ -1,0 +1,57 @@
+"""Problems with exact or published solutions, shared by tests, benchmarks and documentation.
+
+The exact solutions are written out by hand from the equations and share no code with the core.
+
+| module | problem | exact |
+|---|---|---|
+| `elasticity` | stresses of the materials | derivatives of stored energies |
+| `ethier_steinman` | unsteady flow in a box | Ethier & Steinman 1994 |
+| `rigid_tube` | steady and oscillating flow | Poiseuille, `womersley` |
+| `windkessel_tube` | a rigid tube into a Windkessel | closed form; histories of other codes |
+| `elastic_tube` | sinusoidal wave in an elastic tube | `womersley.wave_number` |
+| `tube_wave` | a pulse in an elastic tube | fields and displacement of other codes |
+| `walls` | bending strip, squeezed ring, thick tube | converged solutions, Lame |
+| `coupled_tube` | a small tube with everything | `volume_balance`, `derivatives` |
+"""
+
+from jaxfsi.verification.coupled_tube import (
+    TubeParameters,
+    coupled_mesh,
+    coupled_model,
+    outlet_pressure,
+    outlet_pressure_gradient,
+    outlet_pressure_slope,
+    with_parameters,
+)
+from jaxfsi.verification.derivatives import compare_along, compare_each
+from jaxfsi.verification.elastic_tube import ElasticTube, elastic_mesh, wave_speed
+from jaxfsi.verification.elasticity import ENERGIES, MATERIALS, VOLUME_ENERGIES
+from jaxfsi.verification.ethier_steinman import EthierSteinman, decay_error
+from jaxfsi.verification.figures import Figure, figure, in_band, observed_orders, order_figure
+from jaxfsi.verification.rigid_tube import RigidTube, oscillating_errors, steady_errors
+from jaxfsi.verification.round_tube import round_tube
+from jaxfsi.verification.tube_wave import (
+    PULSE_TUBE,
+    TUBE_WAVE,
+    largest_displacement,
+    wave_figures,
+    wave_model,
+)
+from jaxfsi.verification.volume_balance import keep_books, volume_errors, wet_wall
+from jaxfsi.verification.walls import (
+    RING_WORK,
+    STRIP_WORK,
+    WallProblem,
+    clamped_strip,
+    lame_displacement,
+    radial_displacement,
+    squeezed_ring,
+    thick_tube,
+    work,
+)
+from jaxfsi.verification.windkessel_tube import (
+    LONG_TUBE,
+    SHORT_OPENINGS,
+    SHORT_TUBE,
+    windkessel_figures,
+)

@@ -1,0 +1,361 @@
+"""From a case to a 3D run: mesh, boundary blocks, wall, and the state that it starts from.
+
+| where | condition |
+|---|---|
+| ``aorta_inlet`` | the aortic pressure of the condition |
+| ``aorta_outlet`` | Windkessel of the systemic circulation, from cardiac output and pressures |
+| an anomalous outlet | five-element coronary bed, its resistances times alpha |
+| every other outlet | the coronary bed of the case, not scaled |
+
+Under stress the rule of the case changes all blocks. Each starts from the periodic state that it
+has in 0D behind the aortic pressure (the anomalous one behind the surrogate of its artery), so that
+no cycles are lost on filling it; the blood starts at rest under the pressure of the inlet. The wall
+carries the diastolic pressure in the shape of the image, against no pressure outside, by prestress;
+a case can have it free of stress there instead, with the diastolic pressure outside.
+
+Source: Puelz et al. 2024, section 2.3.
+"""
+
+import dataclasses
+import math
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from calibration import alpha_closed_form, calibrate_alpha, systemic_windkessel
+from jaxfsi import OUTER_WALL, Mesh, Region, submesh
+from jaxfsi.core.fluid import Blood
+from jaxfsi.core.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
+from jaxfsi.core.model import Model, build_model
+from jaxfsi.core.ports import BlockPort, Port, PressurePort
+from jaxfsi.core.prestress import prestressed
+from jaxfsi.core.solid import Wall
+from jaxfsi.core.state import State, initial_state
+from jaxfsi.core.statics import Loads, pressure_load, static_factor
+from jaxfsi.core.viscosity import Newtonian
+from lumped import (
+    RCR,
+    AorticPressure,
+    Coronary,
+    PressureSource,
+    Propagator,
+    StressRule,
+    Surrogate,
+    VentricularPressure,
+    connect,
+    scale_resistances,
+    solve_periodic,
+)
+from lumped.network import Network
+from lumped.waveforms import AbstractWaveform, Constant
+from study.case import Case, Condition
+from study.faults import CaseError, Fault
+from study.patient import Patient, condition_of, load_patient, stress_rules
+
+INLET, OUTLET = "aorta_inlet", "aorta_outlet"
+ANOMALOUS = "anomalous"
+
+STEP = 1.0e-3
+"""Length of a step where the case says nothing [s]."""
+
+CYCLES = 4
+"""Cycles where the case says nothing, as in the paper."""
+
+FRAMES = 40
+"""Frames of fields in a cycle where the case says nothing."""
+
+MATERIALS = {
+    "linear": LinearElastic,
+    "saint_venant_kirchhoff": SaintVenantKirchhoff,
+    "neo_hookean": NeoHookean,
+}
+"""Elastic laws of the wall by name."""
+
+LARGEST_NU = 0.499
+"""Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Schedule:
+    """Steps of a run.
+
+    Attributes:
+        dt: length of a whole step [s]; a cycle is a whole number of them.
+        n_steps: whole steps of the run.
+        per_cycle: whole steps of a cycle.
+        per_frame: whole steps between two frames.
+        period: length of a cycle [s].
+    """
+
+    dt: float
+    n_steps: int
+    per_cycle: int
+    per_frame: int
+    period: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Outlets:
+    """What the outlets are made of.
+
+    Attributes:
+        alpha: scale of the resistances of the anomalous outlet.
+        alpha_origin: where it comes from, in words.
+        blocks: the block of each port but the inlet.
+        starts: states of each.
+    """
+
+    alpha: float
+    alpha_origin: str
+    blocks: dict[str, RCR | Coronary]
+    starts: dict[str, np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class Setup:
+    """A run that can begin.
+
+    Attributes:
+        mesh: the mesh that is solved on; blood alone where the wall is rigid.
+        model: the model.
+        state: where it starts.
+        inlet: aortic pressure.
+        outlets: what lies behind the outlets.
+        schedule: its steps.
+    """
+
+    mesh: Mesh
+    model: Model
+    state: State
+    inlet: AbstractWaveform
+    outlets: Outlets
+    schedule: Schedule
+
+
+def check_simulation(case: Case, condition: str, *, rigid: bool, dt: float | None) -> None:
+    """Refuse a case that a run in 3D cannot use; all faults are listed.
+
+    Raises:
+        CaseError: what is missing or out of range.
+    """
+    faults: list[Fault] = []
+    if condition not in case.conditions:
+        known = ", ".join(case.conditions) or "none"
+        problem = f"there is no condition {condition!r} to run"
+        faults.append(Fault(case.path, "condition", None, problem, known, "name one of these"))
+    else:
+        entry = case.conditions[condition]
+        if _output(case, condition) is None:
+            problem = "the cardiac output is missing; the Windkessel of the aorta follows from it"
+            cure = "add cardiac_output_l_per_min below [condition.rest]"
+            key = f"condition.{condition}.cardiac_output_l_per_min"
+            faults.append(Fault(case.path, key, None, problem, "0.3 to 40 l/min", cure))
+        step = dt or case.solver.dt or STEP
+        if step > entry.period / 20.0:
+            problem = f"a step of {step:g} s is more than a twentieth of the cycle"
+            key = "solver.dt_s"
+            allowed = (
+                f"at most {entry.period / 20.0:g} s; about {entry.period / 800.0:.1g} s is usual"
+            )
+            faults.append(Fault(case.path, key, step, problem, allowed, "take a smaller step"))
+    if not rigid and case.wall.nu > LARGEST_NU:
+        problem = "a wall that cannot change its volume has no finite stiffness in this formulation"
+        faults.append(
+            Fault(
+                case.path, "wall.nu", case.wall.nu, problem, f"at most {LARGEST_NU}", "write 0.49"
+            )
+        )
+    if faults:
+        raise CaseError(faults)
+
+
+def check_openings(case: Case, mesh: Mesh, *, rigid: bool) -> None:
+    """Refuse a mesh whose openings do not say which is which.
+
+    Raises:
+        CaseError: an opening of the aorta is missing, or there is no outlet or no wall.
+    """
+    names = mesh.openings
+    missing = [name for name in (INLET, OUTLET) if name not in names]
+    problem = ""
+    if missing:
+        problem = f"the mesh has no opening named {' or '.join(missing)}"
+    elif len(names) < 3:
+        problem = "the mesh has no coronary outlet"
+    elif not rigid and not np.any(mesh.region == Region.SOLID):
+        problem = "the mesh has no wall"
+    if problem:
+        cure = "name the openings of the anatomy aorta_inlet, aorta_outlet, anomalous_outlet, ..."
+        cure = "use --rigid" if problem.endswith("wall") else cure
+        raise CaseError([Fault(case.path, "anatomy", None, problem, ", ".join(names), cure)])
+
+
+def plan_steps(
+    case: Case, condition: str, *, dt: float | None = None, cycles: float | None = None
+) -> Schedule:
+    """Steps of a run: a cycle has a whole number of frames, a frame a whole number of steps."""
+    period = case.conditions[condition].period
+    frames = case.solver.frames_per_cycle or FRAMES
+    wanted = dt or case.solver.dt or STEP
+    frames = min(frames, math.ceil(period / wanted))
+    per_frame = max(1, math.ceil(period / frames / wanted - 1e-9))
+    per_cycle = per_frame * frames
+    n_cycles = cycles or case.solver.cycles or CYCLES
+    n_steps = max(1, round(n_cycles * per_cycle))
+    return Schedule(period / per_cycle, n_steps, per_cycle, per_frame, period)
+
+
+def prepare_simulation(
+    case: Case,
+    mesh: Mesh,
+    condition: str,
+    schedule: Schedule,
+    *,
+    rigid: bool = False,
+    alpha: float | None = None,
+) -> Setup:
+    """Put model and start of a run together.
+
+    Args:
+        case: a case that passed `check_simulation`.
+        mesh: its mesh, that passed `check_openings`.
+        condition: name of the condition.
+        schedule: see `plan_steps`.
+        rigid: leave the wall out.
+        alpha: scale of the anomalous outlet; None: as calibrated, 1 where that is not possible.
+
+    Raises:
+        CaseError: the case cannot be calibrated.
+        RuntimeError: a periodic state or the prestress was not found.
+    """
+    if rigid:
+        mesh = submesh(mesh, Region.FLUID).mesh
+    entry = case.conditions[condition]
+    inlet = _aortic_pressure(entry)
+    outlets = _outlets(case, condition, mesh, inlet, alpha)
+    ports: dict[str, Port] = {}
+    for name in mesh.openings:
+        block = outlets.blocks.get(name)
+        ports[name] = PressurePort(inlet) if block is None else BlockPort(block)
+    loaded = not rigid and case.wall.prestress == "diastole"
+    if loaded:
+        ports[OUTER_WALL] = PressurePort(Constant(0.0))
+    model = build_model(
+        mesh,
+        ports,
+        blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
+        wall=None
+        if rigid
+        else Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s),
+        P_ambient=entry.P_diastolic,
+    )
+    if loaded:
+        # from the ambient pressure the lumen is free of load, and the outside is pulled
+        outside = pressure_load(mesh, OUTER_WALL, -entry.P_diastolic, model)
+        model = prestressed(model, Loads((outside,)), static_factor(model)).model
+    starts = tuple(
+        jnp.asarray(outlets.starts[name]) if name in outlets.starts else None for name in ports
+    )
+    state = initial_state(model, p=inlet(0.0), blocks=starts)
+    return Setup(mesh, model, state, inlet, outlets, schedule)
+
+
+def _aortic_pressure(entry: Condition) -> AbstractWaveform:
+    known = condition_of(entry)
+    if known.waveform is not None:
+        return known.waveform
+    return AorticPressure(entry.P_systolic, entry.P_diastolic, entry.period)
+
+
+def _output(case: Case, condition: str) -> Condition | None:
+    """The condition whose cardiac output sets the Windkessel: itself, else rest."""
+    for name in (condition, "rest"):
+        entry = case.conditions.get(name)
+        if entry is not None and entry.cardiac_output is not None:
+            return entry
+    return None
+
+
+def _outlets(
+    case: Case, condition: str, mesh: Mesh, inlet: AbstractWaveform, alpha: float | None
+) -> Outlets:
+    entry = case.conditions[condition]
+    rule = None if entry.kind == "rest" else stress_rules(case)[case.stress.rule]
+    patient = _patient(case)
+    alpha, origin = _alpha(patient, alpha)
+    R0 = 0.0 if patient is None else float(patient.model.surrogate.R0)
+    blocks: dict[str, RCR | Coronary] = {OUTLET: _windkessel(case, condition, rule)}
+    starts = {OUTLET: _start(inlet, entry.period, blocks[OUTLET])}
+    for name in mesh.openings:
+        if name in (INLET, OUTLET):
+            continue
+        scale = alpha if name.startswith(ANOMALOUS) else 1.0
+        block = blocks[name] = _coronary(case, entry, rule, scale)
+        if name.startswith(ANOMALOUS) and R0 > 0.0:
+            before = Surrogate(R0=R0, C0=case.surrogate.C0, coronary=block)
+            starts[name] = _states(before.network(condition_of(entry), inlet=inlet), entry.period)
+        else:
+            starts[name] = _start(inlet, entry.period, block)
+    return Outlets(alpha, origin, blocks, starts)
+
+
+def _patient(case: Case) -> Patient | None:
+    """The surrogates of the case; None where it gives no resistance."""
+    try:
+        return load_patient(case)
+    except CaseError:
+        return None
+
+
+def _alpha(patient: Patient | None, given: float | None) -> tuple[float, str]:
+    if given is not None:
+        return given, "given"
+    rest = None if patient is None else patient.case.conditions.get("rest")
+    if patient is None or rest is None or rest.ffr is None:
+        return 1.0, "nominal: the case has no resting ratio or no resistance to calibrate with"
+    surrogate = patient.model.surrogate
+    condition = patient.conditions["rest"]
+    try:
+        if surrogate.K is None:
+            found = alpha_closed_form(surrogate, condition, rest.ffr)
+        else:
+            found = calibrate_alpha(surrogate, condition, rest.ffr).alpha
+    except ValueError as error:
+        problem = f"cannot be reached by the {patient.model.law} law: {error}"
+        cure = "check ffr, or give --alpha"
+        fault = Fault(patient.case.path, "condition.rest.ffr", rest.ffr, problem, "", cure)
+        raise CaseError([fault]) from error
+    return float(found), f"calibrated at rest with the {patient.model.law} surrogate"
+
+
+def _windkessel(case: Case, condition: str, rule: StressRule | None) -> RCR:
+    entry = _output(case, condition)
+    assert entry is not None, "checked by check_simulation"
+    assert entry.cardiac_output is not None
+    volume = entry.stroke_volume or entry.cardiac_output * entry.period
+    block = systemic_windkessel(entry.P_systolic, entry.P_diastolic, entry.cardiac_output, volume)
+    return block if rule is None or entry.name == condition else rule(block)
+
+
+def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: float) -> Coronary:
+    ventricle = VentricularPressure(entry.P_systolic, entry.period)
+    bed = Coronary(P_im=ventricle, **dataclasses.asdict(case.coronary))
+    bed = scale_resistances(bed, scale)
+    return bed if rule is None else eqx.tree_at(lambda b: b.P_im, rule(bed), ventricle)
+
+
+def _start(inlet: AbstractWaveform, period: float, block: RCR | Coronary) -> np.ndarray:
+    """Periodic states of a block directly behind the aortic pressure, at the start of a cycle."""
+    parts: dict[str, Any] = {
+        "inlet": (PressureSource(inlet), "aorta"),
+        "coronary": (block, "aorta"),
+    }
+    return _states(connect(parts), period)
+
+
+def _states(network: Network, period: float) -> np.ndarray:
+    solution = solve_periodic(network, period, Propagator())
+    names = network["coronary"].state_names
+    return np.array([float(solution.state("coronary", name)[0]) for name in names])

@@ -1,0 +1,175 @@
+"""A 3D run of a case: from its mesh to files, going on from where it was ended.
+
+The folder holds ``fields/`` (frames many times a cycle), ``history.csv``, ``checkpoint.npz`` and,
+at the end, ``shear.vtu``. The same command in the same folder goes on from the checkpoint; another
+input refuses it.
+"""
+
+import dataclasses
+import pathlib
+import time
+from typing import Any, NamedTuple
+
+from jaxfsi.simulation import (
+    CheckpointError,
+    FieldSeries,
+    Glimpse,
+    Record,
+    ShearCycle,
+    ShearMeans,
+    SimulationError,
+    SolverChoice,
+    StepControl,
+    simulate,
+    write_csv,
+)
+from lumped import ML_PER_MIN, MMHG
+from study.case import Case
+from study.faults import CaseError, Fault
+from study.progress import Progress
+from study.simulation_case import Schedule, Setup
+
+HISTORY_FILE, CHECKPOINT_FILE, SHEAR_FILE = "history.csv", "checkpoint.npz", "shear.vtu"
+FIELD_FOLDER = "fields"
+
+CHUNK = 10
+"""Whole steps in one compiled call."""
+
+CHECKPOINT_EVERY = 100
+"""Steps between two checkpoints where the case says nothing."""
+
+MOST_SYSTEMS = 8
+"""Linear systems in a step at most: a wall of an artery strains by a tenth, where each brings the
+residual down by less than a digit."""
+
+STEP_NAME = "running"
+_HISTORY_SECONDS = 10.0
+_COMPILE_SECONDS = 60.0
+
+
+class Outcome(NamedTuple):
+    """What a run left.
+
+    Attributes:
+        record: of all steps.
+        events: what went wrong and was mended.
+        resumed_from: whole step that it went on from; None for a fresh run.
+        shear: wall shear stress of the last cycle; None before two looks.
+        seconds: time that the steps took [s].
+        failure: why it ended early; None where it did not.
+        interrupted: whether the user ended it.
+    """
+
+    record: Record
+    events: list[dict[str, Any]]
+    resumed_from: int | None
+    shear: ShearMeans | None
+    seconds: float
+    failure: str | None = None
+    interrupted: bool = False
+
+
+def clear_run(folder: pathlib.Path) -> None:
+    """Forget an earlier run in a folder."""
+    (folder / CHECKPOINT_FILE).unlink(missing_ok=True)
+    for path in (folder / FIELD_FOLDER).glob("fields*"):
+        path.unlink()
+
+
+def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Progress) -> Outcome:
+    """Run a model to its end, or to the step that fails, or until the user interrupts it.
+
+    Args:
+        case: the case.
+        setup: see `prepare_simulation`.
+        folder: where files go; made if needed.
+        progress: told of each chunk.
+
+    Raises:
+        CaseError: the folder holds a run of another input.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    options, plan = case.solver, setup.schedule
+    shear = ShearCycle(setup.mesh, every=plan.per_frame, period=plan.period)
+    series = FieldSeries(folder / FIELD_FOLDER, setup.mesh, every=plan.per_frame)
+    watch = _Watch(setup, folder, progress)
+    choice = SolverChoice(max_nonlinear=MOST_SYSTEMS)
+    if options.tolerance is not None:
+        choice = dataclasses.replace(choice, tolerance=options.tolerance)
+    control = StepControl(
+        max_halvings=4 if options.max_halvings is None else options.max_halvings,
+        change_limit=options.change_limit,
+    )
+    start = time.monotonic()
+    progress.tell("compiling the step", _COMPILE_SECONDS)
+    try:
+        end = simulate(
+            setup.model,
+            setup.state,
+            dt=plan.dt,
+            n_steps=plan.n_steps,
+            chunk=CHUNK,
+            control=control,
+            solver=choice,
+            observers=[series, shear],
+            checkpoint=folder / CHECKPOINT_FILE,
+            checkpoint_every=options.checkpoint_every or CHECKPOINT_EVERY,
+            glimpse=watch.look,
+        )
+        found = Outcome(end.record, end.events, end.resumed_from, shear.means(), 0.0)
+    except SimulationError as error:
+        kept = error.simulation
+        found = Outcome(kept.record, kept.events, kept.resumed_from, shear.means(), 0.0, str(error))
+    except KeyboardInterrupt:
+        if watch.record is None:
+            raise
+        found = Outcome(watch.record, [], None, shear.means(), 0.0, interrupted=True)
+    except CheckpointError as error:
+        cure = "name another folder with --out, or forget the earlier run with --restart"
+        path = folder / CHECKPOINT_FILE
+        problem = str(error).removeprefix(f"{path} ").split(". ")[0]
+        raise CaseError([Fault(path, "", None, problem, "", cure)]) from error
+    if found.record.n_steps:
+        write_csv(folder / HISTORY_FILE, found.record, setup.model.names)
+    shear.write(folder / SHEAR_FILE)
+    return found._replace(seconds=time.monotonic() - start)
+
+
+class _Watch:
+    """Tells the progress of a run and keeps its history on disk."""
+
+    def __init__(self, setup: Setup, folder: pathlib.Path, progress: Progress):
+        self._setup, self._folder, self._progress = setup, folder, progress
+        self._begun: tuple[float, float] | None = None
+        self._written = time.monotonic()
+        self.record: Record | None = None
+
+    def look(self, glimpse: Glimpse) -> None:
+        """Take notice of a chunk."""
+        now = time.monotonic()
+        self.record = glimpse.record
+        if self._begun is None:  # the first chunk compiles
+            self._begun = (now, glimpse.step)
+        begun, step = self._begun
+        pace = (now - begun) / (glimpse.step - step) if glimpse.step > step else 0.0
+        left = pace * (glimpse.n_steps - glimpse.step)
+        self._progress.tell(progress_text(glimpse, self._setup.schedule, pace), left)
+        if now - self._written > _HISTORY_SECONDS:
+            write_csv(self._folder / HISTORY_FILE, glimpse.record, glimpse.names)
+            self._written = now
+
+
+def progress_text(glimpse: Glimpse, schedule: Schedule, pace: float) -> str:
+    """Step, time, cycle, and pressure and flow of each opening."""
+    cycle = int(glimpse.t / schedule.period + 1e-9) + 1
+    parts = [
+        f"step {glimpse.step:g} of {glimpse.n_steps}",
+        f"t = {glimpse.t:.4f} s, cycle {cycle}",
+        f"{glimpse.n_linear} iterations",
+    ]
+    if pace > 0.0:
+        parts.append(f"{pace:.2g} s a step")
+    for name, P, Q in zip(glimpse.names, glimpse.P_port, glimpse.Q_port, strict=True):
+        if name.endswith(("inlet", "outlet")):
+            parts.append(f"{name} {P / MMHG:.1f} mmHg {Q / ML_PER_MIN:.0f} mL/min")
+    return ", ".join(parts)

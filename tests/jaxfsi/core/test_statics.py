@@ -1,0 +1,108 @@
+"""Equilibria of the wall: bending, Lamé's tube, derivatives, prestress, failure."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxfsi.core.materials import NeoHookean
+from jaxfsi.core.model import build_model
+from jaxfsi.core.prestress import prestressed
+from jaxfsi.core.solid import Wall
+from jaxfsi.core.statics import (
+    RESULTS,
+    Loads,
+    equilibrium,
+    pressure_load,
+    static_factor,
+)
+from jaxfsi.mesh import INTERFACE
+from jaxfsi.meshing import ring
+from jaxfsi.verification import (
+    STRIP_WORK,
+    clamped_strip,
+    lame_displacement,
+    radial_displacement,
+    thick_tube,
+    work,
+)
+
+
+@pytest.mark.slow  # compiles the quadratic kernels and their derivatives
+@pytest.mark.parametrize("nu", [0.3, 0.49])
+def test_one_layer_of_quadratic_elements_bends(nu):
+    problem = clamped_strip(nu, "quadratic")
+    end = equilibrium(problem.model, problem.loads, static_factor(problem.model))
+    # The aim for the meshes of vessels: one layer, elements as long as it is thick.
+    assert work(problem, end.d) == pytest.approx(STRIP_WORK[nu], rel=0.05)
+
+
+def test_linear_elements_hardly_bend():
+    problem = clamped_strip(0.3, "linear")
+    end = equilibrium(problem.model, problem.loads, static_factor(problem.model))
+    assert work(problem, end.d) < 0.3 * STRIP_WORK[0.3]
+
+
+@pytest.mark.slow
+def test_tube_under_pressure_widens_as_lame_says():
+    problem = thick_tube(0.49, "quadratic", n_axial=12)
+    end = equilibrium(problem.model, problem.loads, static_factor(problem.model))
+    for radius in (0.5, 0.55, 0.6):
+        exact = lame_displacement(radius, 0.5, 0.6, 1e-4, 1.0, 0.49)
+        # A polygon of 32 sides has 0.6 % less area than its circle.
+        assert radial_displacement(problem, end.d, radius, 1.0) == pytest.approx(exact, rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def vessel():
+    """A short vessel of linear elements under 100 mmHg, its loads and its factor."""
+    mesh = ring(radius=0.2, length=0.4, thickness=0.04, n_around=12, n_axial=4, n_layers=1)
+    wall = Wall(NeoHookean(3e6, 0.49), support_stiffness=1e5)
+    model = build_model(mesh, {}, wall=wall)
+    loads = Loads((pressure_load(mesh, INTERFACE, 1.333e5, model),))
+    return model, loads, static_factor(model)
+
+
+def test_equilibrium_of_a_large_deformation_is_found_and_differentiated(vessel):
+    model, loads, factor = vessel
+
+    def widened(E):
+        softer = eqx.tree_at(lambda m: m.wall.material.E, model, E)
+        end = equilibrium(softer, loads, factor, throw=False, tolerance=1e-11)
+        return jnp.sum(end.d**2)
+
+    E = jnp.asarray(3e6)
+    value, slope = jax.value_and_grad(widened)(E)
+    assert float(jnp.sqrt(value)) > 1e-2
+    step = 1e3
+    central = (widened(E + step) - widened(E - step)) / (2.0 * step)
+    # Differences lose half the digits of an equilibrium found to 1e-11.
+    assert float(slope) == pytest.approx(float(central), rel=1e-5)
+
+
+def test_prestressed_wall_carries_its_pressure_undeformed(vessel):
+    model, loads, factor = vessel
+    found = prestressed(model, loads, factor)
+    assert float(jnp.max(jnp.abs(found.d))) < 1e-4 * 0.2
+    residuals = np.asarray(found.residuals)
+    assert np.all(residuals[1:4] < 0.5 * residuals[:3])
+    assert found.model.prestress is not None
+    hoop = float(jnp.mean(jnp.trace(found.model.prestress)))
+    assert hoop > 1.333e5
+
+
+def test_failure_is_reported_with_a_cure(vessel):
+    model, loads, factor = vessel
+    options = {"max_newton": 1, "tolerance": 1e-11}
+    end = equilibrium(model, loads, factor, throw=False, **options)
+    assert end.result == RESULTS.not_converged
+    with pytest.raises(RuntimeError, match="more steps"):
+        equilibrium(model, loads, factor, **options)
+
+
+def test_loads_that_are_not_on_the_wall_are_refused(vessel):
+    model, _, _ = vessel
+    other = ring(radius=0.3, length=0.4, thickness=0.04, n_around=10, n_axial=4, n_layers=1)
+    with pytest.raises(ValueError, match="not all faces of the wall"):
+        pressure_load(other, INTERFACE, 1.0, model)

@@ -1,0 +1,276 @@
+"""The command `simulate` on a small tube with three openings, and what it refuses."""
+
+import csv
+import dataclasses
+import json
+
+import jax
+import numpy as np
+import pytest
+import pyvista as pv
+
+import jaxfsi.simulation.simulation as simulation
+import study.mesh_case as mesh_case
+import study.simulation_run as simulation_run
+from jaxfsi.mesh_files import write_mesh
+from jaxfsi.meshing import tube
+from lumped import MMHG
+from study import read_case
+from study.simulation_case import check_simulation, plan_steps, prepare_simulation
+
+CASE = """\
+[patient]
+id = "tube"
+[anatomy]
+kind = "mesh"
+path = "tube.vtu"
+unit = "cm"
+[condition.rest]
+P_systolic_mmHg = 110.0
+P_diastolic_mmHg = 65.0
+period_s = 0.80
+cardiac_output_l_per_min = 4.5
+ffr = 0.91
+[condition.exercise]
+P_systolic_mmHg = 130.0
+P_diastolic_mmHg = 70.0
+period_s = 0.45
+[surrogate]
+R0_dyn_s_per_cm5 = 5.0e3
+[solver]
+dt_s = 2.0e-3
+frames_per_cycle = 40
+checkpoint_every = 10
+"""
+
+
+def _three_openings(n_layers: int):
+    """A tube whose outlet is one half aorta, one half anomalous artery."""
+    mesh = tube(radius=1.0, length=3.0, thickness=0.2, n_around=10, n_axial=5, n_layers=n_layers)
+    names = ["aorta_inlet", "aorta_outlet", "anomalous_outlet", "interface"]
+    if n_layers:
+        names += ["outer_wall", *(f"{name}_ring" for name in names[:3])]
+    new = {"inlet": "aorta_inlet", "outlet": "aorta_outlet"}
+    label = np.zeros(len(mesh.faces), np.int64)
+    side = mesh.points[mesh.faces].mean(axis=1)[:, 0] < 0.0
+    for k, old in enumerate(mesh.label_names):
+        stem = old.removesuffix("_ring")
+        name = new.get(stem, stem) + old[len(stem) :]
+        label[mesh.face_label == k] = names.index(name)
+        if stem == "outlet":
+            other = name.replace("aorta", "anomalous")
+            label[(mesh.face_label == k) & side] = names.index(other)
+    return dataclasses.replace(mesh, face_label=label, label_names=tuple(names))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _quick():
+    """Fields times numbers of elements are allowed, as in the core; meshes are not drawn."""
+    with jax.numpy_rank_promotion("allow"), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(mesh_case, "draw_mesh", lambda mesh, anatomy: ({}, None))
+        yield
+
+
+@pytest.fixture(scope="module")
+def case_file(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("simulate")
+    write_mesh(folder / "tube.vtu", _three_openings(0), unit="cm")
+    path = folder / "case.toml"
+    path.write_text(CASE)
+    return path
+
+
+@pytest.fixture(scope="module")
+def outcome(case_file, command, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("out")
+    found = command("simulate", case_file, "--rigid", "--cycles", "0.1", "--json", folder=folder)
+    assert found.status == 0, found.stderr
+    return found
+
+
+def test_files_of_a_run(outcome):
+    names = {path.name for path in outcome.folder.iterdir()}
+    assert {
+        "fields",
+        "history.csv",
+        "shear.vtu",
+        "simulation.json",
+        "simulation.html",
+        "checkpoint.npz",
+    } <= names
+    series = pv.get_reader(outcome.folder / "fields/fields.pvd")
+    np.testing.assert_allclose(series.time_values, np.arange(5) * 0.02, atol=1e-12)
+    page = (outcome.folder / "simulation.html").read_text()
+    assert "Pressures and flows" in page
+    assert page.count("<svg") == 2
+    assert outcome.json["frames"] == 5
+
+
+def test_document_says_what_was_run(outcome):
+    document = outcome.written("simulation.json")
+    assert document["kind"] == "simulate"
+    assert document["solver"]["steps_done"] == 40
+    assert document["solver"]["dt_s"] == pytest.approx(2e-3)
+    # R0 d/((1 − d) R_total), the closed form
+    alpha = 5.0e3 * 0.91 / 0.09 / (3.1992e4 + 6.3984e4 + 2.666e5)
+    assert document["alpha"] == pytest.approx(alpha, rel=1e-9)
+    assert document["ports"]["anomalous_outlet"]["R_1"] == pytest.approx(alpha * 3.1992e4)
+    assert document["ports"]["aorta_outlet"]["kind"] == "RCR"
+    assert "history" not in outcome.json
+    assert outcome.json["cycles"] == document["cycles"]
+    with (outcome.folder / "history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    P = [float(row["P_aorta_inlet_mmHg"]) for row in rows]
+    mean = document["cycles"][0]["ports"]["aorta_inlet"]["mean_P_mmHg"]
+    assert mean == pytest.approx(np.mean(P), rel=1e-6)
+
+
+def test_rigid_wall_lets_as_much_out_as_in(outcome):
+    document = outcome.written("simulation.json")
+    Q = document["history"]["Q_ml_per_min"]
+    total = sum(np.asarray(flow) for flow in Q.values())
+    # the tolerance of a step, 1e-3, of the largest flow
+    assert np.abs(total).max() < 1e-3 * max(np.abs(flow).max() for flow in Q.values())
+
+
+def test_same_command_goes_on_and_finds_nothing_left(outcome, case_file, command):
+    before = (outcome.folder / "checkpoint.npz").read_bytes()
+    again = command(
+        "simulate", case_file, "--rigid", "--cycles", "0.1", "--json", folder=outcome.folder
+    )
+    assert again.status == 0
+    assert again.json["solver"]["resumed_from"] == 40
+    assert again.json["cycles"] == outcome.json["cycles"]
+    assert (outcome.folder / "checkpoint.npz").read_bytes() == before
+
+
+def test_other_input_in_the_same_folder_is_refused(outcome, case_file, command):
+    other = command(
+        "simulate", case_file, "--rigid", "--condition", "exercise", folder=outcome.folder
+    )
+    assert other.status == 2
+    assert "--restart" in other.stderr
+    assert "belongs to a run with another model" in other.stderr
+
+
+def test_stored_result_is_shown_again(outcome, command, tmp_path):
+    shown = command("show", outcome.folder, folder=tmp_path / "page")
+    assert shown.status == 0
+    assert "anomalous_outlet" in shown.stdout
+    first = (outcome.folder / "simulation.html").read_text()
+    assert (tmp_path / "page/simulation.html").read_text() == first
+
+
+def test_interrupted_run_keeps_what_it_has_and_goes_on(case_file, command, tmp_path, monkeypatch):
+    text = simulation_run.progress_text
+
+    def interrupt(glimpse, *rest):
+        if glimpse.step >= 20:
+            raise KeyboardInterrupt
+        return text(glimpse, *rest)
+
+    options = ("simulate", case_file, "--rigid", "--cycles", "0.1", "--json")
+    monkeypatch.setattr(simulation_run, "progress_text", interrupt)
+    stopped = command(*options, folder=tmp_path)
+    assert stopped.status == 130
+    assert "same command again" in stopped.stderr
+    assert stopped.written("simulation.json")["interrupted"]
+    assert (tmp_path / "history.csv").is_file()
+    monkeypatch.setattr(simulation_run, "progress_text", text)
+    resumed = command(*options, folder=tmp_path)
+    assert resumed.status == 0
+    assert 0 < resumed.json["solver"]["resumed_from"] < 40
+
+
+def test_failed_run_keeps_what_it_has(case_file, command, tmp_path, monkeypatch):
+    advance = simulation.advance_chunk
+
+    def spoil(model, state, *rest):
+        late = float(state.t) > 0.03
+        end = advance(model, state._replace(u=state.u * np.nan) if late else state, *rest)
+        return end._replace(state=state) if late else end
+
+    monkeypatch.setattr(simulation, "advance_chunk", spoil)
+    found = command("simulate", case_file, "--rigid", "--cycles", "0.1", folder=tmp_path)
+    assert found.status == 1
+    assert "Step 20 failed at t = 0.04 s, also with a step of 0.000125 s" in found.stderr
+    assert "What was computed before is in" in found.stderr
+    document = found.written("simulation.json")
+    assert "no longer finite" in document["failure"]
+    assert document["solver"]["steps_done"] == 20
+    assert len(document["events"]) == 4
+
+
+def test_blocks_start_in_the_periodic_state(case_file):
+    case = read_case(case_file)
+    mesh = _three_openings(0)
+    for condition in ("rest", "exercise"):
+        setup = prepare_simulation(case, mesh, condition, plan_steps(case, condition), rigid=True)
+        starts = setup.outlets.starts
+        # between diastolic and systolic aortic pressure, the wave of the coronary bed included
+        entry = case.conditions[condition]
+        assert entry.P_diastolic * 0.7 < starts["aorta_outlet"][0] < entry.P_systolic
+        assert entry.P_diastolic * 0.7 < starts["anomalous_outlet"][0] < entry.P_systolic
+    # half of (2 P_diastolic + P_systolic)/3 / CO at rest
+    R_stress = setup.outlets.blocks["aorta_outlet"].R_distal
+    assert float(R_stress) == pytest.approx(0.5 * (130.0 + 110.0) / 3.0 * MMHG / 75.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("cardiac_output_l_per_min = 4.5", "", "cardiac_output_l_per_min"),
+        ("dt_s = 2.0e-3", "dt_s = 0.06", "twentieth of the cycle"),
+        ("frames_per_cycle = 40", "frames_per_cycle = 0.5", "solver.frames_per_cycle"),
+        ("checkpoint_every = 10", "checkpoint_evry = 10", "checkpoint_every"),
+        ('kind = "mesh"', 'kind = "none"', "anatomy.kind"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_runs(case_file, command, tmp_path, old, new, said):
+    bad = case_file.with_name("bad.toml")
+    bad.write_text(CASE.replace(old, new))
+    out = tmp_path / "out"
+    found = command("simulate", bad, "--rigid", folder=out)
+    assert found.status == 2
+    assert said in found.stderr
+    assert not out.exists()
+
+
+def test_faults_of_a_run_are_told_together(case_file):
+    text = CASE.replace("cardiac_output_l_per_min = 4.5", "").replace("2.0e-3", "0.06")
+    path = case_file.with_name("two.toml")
+    path.write_text(text + "[wall]\nnu = 0.5\n")
+    with pytest.raises(ValueError, match="3 faults"):
+        check_simulation(read_case(path), "rest", rigid=False, dt=None)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--condition", "sleep"), "rest, exercise"),
+        (("--dt", "0"), "--dt"),
+        (("--cycles", "many"), "--cycles"),
+        (("--state", "late"), "late"),
+        ((), "no wall"),
+    ],
+    ids=str,
+)
+def test_bad_options_are_refused(case_file, command, tmp_path, options, said):
+    rigid = () if not options else ("--rigid",)
+    found = command("simulate", case_file, *rigid, *options, folder=tmp_path / "out")
+    assert found.status == 2
+    assert said in found.stderr
+
+
+def test_steps_fit_cycles_and_frames(case_file):
+    case = read_case(case_file)
+    plan = plan_steps(case, "exercise", dt=1e-3, cycles=2.0)
+    assert plan.per_cycle % plan.per_frame == 0
+    assert plan.dt * plan.per_cycle == pytest.approx(0.45, rel=1e-12)
+    assert plan.dt <= 1e-3
+    assert plan.n_steps == 2 * plan.per_cycle
+
+
+def test_result_is_plain_json(outcome):
+    text = (outcome.folder / "simulation.json").read_text()
+    assert json.loads(text)["provenance"]["inputs"]

@@ -34,7 +34,7 @@ class Balance(NamedTuple):
     """Volume flows of a step at t + α_f Δt.
 
     Attributes:
-        ports: out of all ports [cm³/s].
+        ports: out of all openings [cm³/s].
         wall: into the room that the wall gives way to [cm³/s].
         through: Σ |Q| of the ports [cm³/s].
     """
@@ -47,6 +47,12 @@ class Balance(NamedTuple):
 def wet_wall(mesh: Mesh) -> Int[Array, "3 faces"]:
     """Triangles between blood and wall, out of the blood."""
     return jnp.asarray(mesh.labelled(INTERFACE).T)
+
+
+def wet_ports(model: Model) -> Float[Array, " ports"]:
+    """1 for each port that is an opening of the blood, 0 where a pressure acts on the wall."""
+    wet = [jnp.mean(model.in_fluid[faces].astype(float)) > 0.5 for faces in model.port_faces]
+    return jnp.stack(wet).astype(float)
 
 
 def balance(
@@ -68,7 +74,7 @@ def balance(
     alpha = method.alpha_f
     x = model.x + before.d_mesh + alpha * (after.d_mesh - before.d_mesh)
     u = before.u + alpha * (after.u - before.u)
-    Q = jnp.stack([flux(u, x, faces) for faces in model.port_faces])
+    Q = jnp.stack([flux(u, x, faces) for faces in model.port_faces]) * wet_ports(model)
     return Balance(jnp.sum(Q), flux(u, x, wall), jnp.sum(jnp.abs(Q)))
 
 
@@ -79,7 +85,8 @@ def lumen_volume(state: State, model: Model, wall: Int[Array, "3 faces"]) -> Flo
     def share(faces: Int[Array, "3 faces"]) -> Float[Array, ""]:
         return jnp.sum(jnp.mean(x[:, faces], axis=1) * area_vectors(x, faces)) / 3.0
 
-    return share(wall) + sum(share(faces) for faces in model.port_faces)
+    openings = jnp.stack([share(faces) for faces in model.port_faces])
+    return share(wall) + jnp.sum(wet_ports(model) * openings)
 
 
 class Bookkeeping(NamedTuple):
@@ -114,7 +121,7 @@ def keep_books(
 
     end, (flows, report) = jax.lax.scan(one, state, None, length=n_steps)
     change = lumen_volume(end, model, wall) - lumen_volume(state, model, wall)
-    ends = jnp.sum(end.Q_port) - jnp.sum(state.Q_port)
+    ends = jnp.sum(wet_ports(model) * (end.Q_port - state.Q_port))
     outflow = stepper.dt * (jnp.sum(flows.ports) - (stepper.method.alpha_f - 0.5) * ends)
     passed = stepper.dt * jnp.sum(flows.through) / 2.0
     return Bookkeeping(end, flows, change, outflow, report, passed)

@@ -166,16 +166,7 @@ def reference_tangent(
     shape: Geometry,
     prestress: Float[Array, "3 3 points tets"] | None = None,
 ) -> Float[Array, "3 nodes"]:
-    """Change of the wall's forces along v at the undeformed shape.
-
-    Args:
-        v: change of the unknown.
-        weights: what it does to acceleration, velocity and displacement.
-        wall: what the wall is made of.
-        element: elements of the wall.
-        shape: their geometry in the reference configuration.
-        prestress: see `solid_residual`.
-    """
+    """`solid_tangent` about the undeformed wall at rest, where Hooke's law gives it."""
     n_nodes = v.shape[1]
     slopes = element.slopes(v, shape)
     lam, G = wall.material.moduli

@@ -7,7 +7,6 @@ import pytest
 from lumped import MMHG
 
 
-
 def runs(result, **wanted):
     return [run for run in result["runs"] if wanted.items() <= run.items()]
 

@@ -11,7 +11,6 @@ from study.results import load_document
 from study.summary import summary
 
 
-
 @pytest.fixture(scope="module")
 def page(demo):
     assert demo.status == 0, demo.stderr

@@ -12,6 +12,7 @@ from jaxfsi.verification import (
     RING_WORK,
     STRIP_WORK,
     WallProblem,
+    axial_strain,
     clamped_strip,
     lame_displacement,
     radial_displacement,
@@ -49,7 +50,8 @@ def run(rounds: int) -> dict[str, Any]:
         "name": "wall",
         "rows": rows,
         "notes": [
-            "ratio: work of the load over the converged one; of the tube, widening over Lamé's.",
+            "ratio: work of the load over the converged one; of the tube, widening over Lamé's with"
+            " the axial strain found.",
             "16 round the ring makes elements twice as long as the wall is thick.",
         ],
         "passed": worst <= 0.05,
@@ -73,7 +75,8 @@ def _row(
 
     end, seconds = timed(solve)
     if reference is None:
-        exact = lame_displacement(0.5, 0.5, 0.6, 1e-4, 1.0, nu)
+        strain = axial_strain(problem, end.d, 1.0, 0.4)
+        exact = lame_displacement(0.5, 0.5, 0.6, 1e-4, 1.0, nu, strain)
         ratio = radial_displacement(problem, end.d, 0.5, 1.0) / exact
     else:
         ratio = work(problem, end.d) / reference

@@ -1,7 +1,10 @@
 """Shared set-up: runtime shape checks, strict promotion, and the folder of unshipped data."""
 
+import gc
 import pathlib
+from collections.abc import Iterator
 
+import equinox as eqx
 import jax
 import pytest
 from jaxtyping import install_import_hook
@@ -21,6 +24,19 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _compiled_code_released() -> Iterator[None]:
+    """Release compiled code after each file.
+
+    A process may have 65 530 memory maps on Linux, and each compiled function takes several: with
+    the code of all files kept, the process ends with a fault.
+    """
+    yield
+    eqx.clear_caches()
+    jax.clear_caches()
+    gc.collect()
 
 
 @pytest.fixture(scope="session")

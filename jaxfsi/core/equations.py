@@ -16,13 +16,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxfsi.core.bowed_interface import bowed_flux, bowed_load
 from jaxfsi.core.elements import Geometry, area_vectors, face_load, flux, geometry, kept_apart
 from jaxfsi.core.fluid import Frozen, fluid_residual, frozen
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.mesh_motion import MeshMotion, mesh_displacement
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, FlowPort, HeldPort, PressurePort, VelocityPort
-from jaxfsi.core.solid import Wall, WallMotion, solid_residual, wall_motion
+from jaxfsi.core.solid import Wall, solid_residual
 from jaxfsi.core.state import State
 from lumped.parameters import Parameter
 from lumped.views import implicit_step
@@ -151,7 +152,7 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
     # As a branch, so that XLA does not repeat these sums at every corner of every element.
     u, a, d, p = jax.lax.cond(
         step.dt > 0.0,
-        lambda: _between(y, step, method),
+        lambda: midpoint(y, step, method),
         lambda: (y.u, step.state.a, step.state.d, y.p),
     )
     r_u, r_p = fluid_residual(
@@ -168,6 +169,9 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
             u, a, d, model.wall, model.element, step.solid_shape, model.prestress
         )
         r_u = r_u + _support(u, d, model.wall, model)
+    if model.bowed is not None:
+        r_u = r_u - bowed_load(p - model.P_ambient, step.x, model.bowed)
+        r_p = r_p + bowed_flux(u, step.x, model.bowed)
     r_u = r_u - _port_load(y, u, model, step)
     return Unknowns(
         jnp.where(model.held, y.u - step.u_held, r_u),
@@ -175,7 +179,7 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
     )
 
 
-def _between(
+def midpoint(
     y: Unknowns, step: Step, method: GeneralizedAlpha
 ) -> tuple[
     Float[Array, "3 nodes"],
@@ -192,16 +196,6 @@ def _between(
     d = old.d + method.alpha_f * (d_new - old.d)
     p = old.p + method.alpha_f * (y.p - old.p)
     return u, a, d, p
-
-
-def motion_of_wall(
-    y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha
-) -> WallMotion | None:
-    """Deformation of the wall where the equations of a step hold; None without a wall."""
-    if model.wall is None:
-        return None
-    u, _, d, _ = _between(y, step, method)
-    return wall_motion(u, d, model.element, step.solid_shape)
 
 
 def _port_load(

@@ -14,10 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxfsi.core.bowed_interface import BowedInterface
 from jaxfsi.core.fluid import Blood
 from jaxfsi.core.ports import FlowPort, HeldPort, OpenPort, Port
 from jaxfsi.core.profile import unit_flow_profile
-from jaxfsi.core.quadratic import QuadraticElement, numbered_edges
+from jaxfsi.core.quadratic import QuadraticElement, edges_of_faces, numbered_edges
 from jaxfsi.core.solid import Wall
 from jaxfsi.core.wall_elements import AbstractWallElement, LinearElement
 from jaxfsi.faces import triangle_edges
@@ -57,6 +58,7 @@ class Model(eqx.Module):
         profiles: velocity of unit inflow at flow ports [1/cm²]; a field without entries elsewhere.
         port_faces: triangles of each port.
         outer_faces: triangles that the tissue outside supports.
+        bowed: where blood touches edges of the wall that bow; None where there are none.
         names: of the ports (static).
         n_vertices: vertices of the mesh, which come before other nodes (static).
     """
@@ -76,6 +78,7 @@ class Model(eqx.Module):
     profiles: tuple[Float[Array, "3 nodes"] | None, ...]
     port_faces: tuple[Int[Array, "3 _"], ...]
     outer_faces: Int[Array, "3 outer"]
+    bowed: BowedInterface | None
     names: tuple[str, ...] = eqx.field(static=True)
     n_vertices: int = eqx.field(static=True)
 
@@ -173,6 +176,7 @@ def build_model(
         profiles=tuple(profiles),
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
         outer_faces=jnp.asarray(outer.T, jnp.int32),
+        bowed=_bowed(mesh, element) if len(fluid) else None,
         names=tuple(ports),
         n_vertices=n_nodes,
     )
@@ -188,6 +192,15 @@ def _wall_elements(
     return QuadraticElement(
         jnp.asarray(solid.T, jnp.int32), jnp.asarray(n_nodes + index.T, jnp.int32)
     ), ends
+
+
+def _bowed(mesh: Mesh, element: AbstractWallElement) -> BowedInterface | None:
+    """The interface where edges of the wall bow."""
+    if not isinstance(element, QuadraticElement):
+        return None
+    faces = mesh.labelled(INTERFACE).T
+    edges = edges_of_faces(element, faces)
+    return BowedInterface(jnp.asarray(faces, jnp.int32), jnp.asarray(edges, jnp.int32))
 
 
 def _among(

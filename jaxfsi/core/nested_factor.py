@@ -30,13 +30,13 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-LEAF = 60
+LEAF = 200
 """Unknowns that are not dissected further."""
 
 N_CUTS = 32
 """Places at which the fronts of one depth may be cut into batches."""
 
-BATCH_COST = 20_000
+BATCH_COST = 80_000
 """Numbers that may be padded to save a batch."""
 
 

@@ -23,10 +23,10 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.equations import Step, Unknowns, motion_of_wall, residual
+from jaxfsi.core.equations import Step, Unknowns, residual
 from jaxfsi.core.krylov import fgmres
 from jaxfsi.core.model import Model
-from jaxfsi.core.operator import apply_elements
+from jaxfsi.core.operator import apply_elements, step_tangent
 from jaxfsi.core.preconditioner import Preconditioner, precondition, precondition_transposed
 from jaxfsi.core.stepper import Stepper
 
@@ -115,12 +115,12 @@ def _scaling(model: Model, stepper: Stepper) -> _Scaling:
 
 def tangent(y: Unknowns, model: Model, step: Step, stepper: Stepper):
     """Product with the Jacobian about y, for flat vectors in single precision."""
-    motion = single(motion_of_wall(y, model, step, stepper.method))
-    model, step = single((model, step))
-    _, unravel = ravel_pytree(single(y))
+    y, model, step = single((y, model, step))
+    about = step_tangent(y, model, step, stepper.method)
+    _, unravel = ravel_pytree(y)
 
     def product(flat: Flat) -> Flat:
-        return ravel_pytree(apply_elements(unravel(flat), model, step, stepper.method, motion))[0]
+        return ravel_pytree(apply_elements(about, unravel(flat), model, step, stepper.method))[0]
 
     return product
 

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from jaxfsi.core.elements import geometry
 from jaxfsi.core.materials import Tensor, determinant_and_cofactor, product, transposed
 from jaxfsi.core.model import Model
-from jaxfsi.core.solid import deformation_gradients
+from jaxfsi.core.solid import deformation_gradients, elastic_stress
 from jaxfsi.core.statics import RESULTS, Loads, equilibrium
 from jaxfsi.core.wall_factor import WallFactor
 from lumped.parameters import is_traced
@@ -78,7 +78,7 @@ def prestressed(
         loaded = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
         end = equilibrium(loaded, loads, factor, tolerance=tolerance, throw=False)
         F = deformation_gradients(end.d, model.element, shape)
-        P = model.element.stress(F, material, shape, model.n_nodes)
+        P = elastic_stress(F, material, model.element, shape, model.n_nodes)
         added = jnp.stack([_second(f, p) for f, p in zip(F, P, strict=True)], axis=2)
         failed = RESULTS.where(result == RESULTS.successful, end.result, result)
         return (S + added, failed), (end.d, jnp.max(jnp.abs(end.d)))

@@ -22,8 +22,7 @@ one to three layers, ν = 0.3 to 0.4999, are right to 5 % where the linear eleme
 of the deflection.
 """
 
-from collections.abc import Callable
-
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -38,8 +37,8 @@ from jaxfsi.core.elements import (
     scatter,
     total,
 )
-from jaxfsi.core.materials import AbstractMaterial, combined
-from jaxfsi.core.wall_elements import AbstractWallElement, Points
+from jaxfsi.core.materials import AbstractMaterial
+from jaxfsi.core.wall_elements import AbstractWallElement, Points, Pressure
 
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 """Corners of the six edges of a tetrahedron."""
@@ -83,47 +82,47 @@ class QuadraticElement(AbstractWallElement):
                 rows[g].append([common[j] + _SPREAD * bow[j] for j in range(3)])
         return kept_apart(tuple(rows), shape)
 
-    def stress(self, F: Points, material: AbstractMaterial, shape: Geometry, n: int) -> Points:
-        """First Piola-Kirchhoff stress at the quadrature points [dyn/cm²]."""
-        law, moduli = material.split()
-        stress = [law.stress(f) for f in F]
+    def law(self, material: AbstractMaterial) -> AbstractMaterial:
+        """The material with λ ≤ 2G."""
+        return material.split()[0]
+
+    def pressures(
+        self, F: Points, material: AbstractMaterial, shape: Geometry, n: int
+    ) -> tuple[Pressure, ...]:
+        """Pressures k U′(q_v) of what λ has beyond 2G."""
+        moduli = material.split()[1]
         measured = [material.volumes(f) for f in F]
+        share = self._share(shape, n)
+        result = []
         for m, (k, response) in enumerate(zip(moduli, material.responses, strict=True)):
-            values = tuple(point[m].value for point in measured)
-            p = self.averaged(values, k, response, shape, n)
-            stress = [
-                combined((1.0, s), (p_here, point[m].slope))
-                for s, p_here, point in zip(stress, p, measured, strict=True)
-            ]
-        return tuple(stress)
+            inside = self._averaged(tuple(point[m].value for point in measured), shape, n)
+            quarter = shape.volume / 4.0
+            modulus = scatter((k * quarter,) * 4, self.tets, n) / share
+            # Where no element is, any measure that is not singular will do.
+            used = modulus > 0.0
+            inside = jnp.where(used, inside, 1.0)
+            p, slope = jax.jvp(response, (inside,), (jnp.ones_like(inside),))
+            p, slope = (jnp.where(used, modulus * value, 0.0) for value in (p, slope))
+            result.append(Pressure(self._at_points(p), slope))
+        return tuple(result)
 
-    def averaged(
-        self,
-        q: Corners,
-        k: Array | float,
-        response: Callable[[Array], Array],
-        shape: Geometry,
-        n: int,
-    ) -> Corners:
-        """Pressure k U′(q_v) at the quadrature points, for a measure q of the volume there.
+    def spread(self, q: Corners, stiffness: Float[Array, " nodes"], shape: Geometry) -> Corners:
+        """Change of a pressure at the quadrature points, of its measure's change q there."""
+        return self._at_points(stiffness * self._averaged(q, shape, stiffness.shape[0]))
 
-        Args:
-            q: measure of the volume at the quadrature points.
-            k: modulus [dyn/cm²].
-            response: U′.
-            shape: of the elements in the reference configuration.
-            n: number of nodes.
-        """
-        quarter = shape.volume / 4.0
-        whole = total(q)
-        share = scatter((quarter,) * 4, self.tets, n)
-        share = jnp.where(share > 0.0, share, 1.0)
+    def _share(self, shape: Geometry, n: int) -> Float[Array, " nodes"]:
+        """∫ N_v dV of each vertex, 1 elsewhere."""
+        share = scatter((shape.volume / 4.0,) * 4, self.tets, n)
+        return jnp.where(share > 0.0, share, 1.0)
+
+    def _averaged(self, q: Corners, shape: Geometry, n: int) -> Float[Array, " nodes"]:
+        """q_v of each vertex."""
+        quarter, whole = shape.volume / 4.0, total(q)
         part = tuple(quarter * (FAR * whole + (NEAR - FAR) * value) for value in q)
-        # Where no element is, any measure that is not singular will do.
-        inside = scatter(part, self.tets, n) / share
-        modulus = scatter((k * quarter,) * 4, self.tets, n) / share
-        used = modulus > 0.0
-        p = jnp.where(used, modulus * response(jnp.where(used, inside, 1.0)), 0.0)
+        return scatter(part, self.tets, n) / self._share(shape, n)
+
+    def _at_points(self, p: Float[Array, " nodes"]) -> Corners:
+        """A linear field of the vertices at the quadrature points."""
         at_corner = corners(p, self.tets)
         common = FAR * total(at_corner)
         return tuple(common + (NEAR - FAR) * value for value in at_corner)
@@ -180,6 +179,18 @@ class QuadraticElement(AbstractWallElement):
     def _at_corner(self, w: list[Float[Array, " tets"]], a: int) -> Float[Array, " tets"]:
         """Sum over the edges that meet at a corner."""
         return added(w[_EDGE[a, b]] for b in range(4) if b != a)
+
+
+def edges_of_faces(
+    element: QuadraticElement, faces: Int[np.ndarray, "3 faces"]
+) -> Int[np.ndarray, "3 faces"]:
+    """Places of the unknowns of the edges opposite to the corners of faces of the elements."""
+    tets, edges = (np.asarray(a, np.int64) for a in (element.tets, element.edges))
+    n = int(edges.max()) + 1
+    ends = np.sort(tets[np.asarray(EDGES)], axis=1)  # edge of the element, end, element
+    keys, first = np.unique(ends[:, 0] * n + ends[:, 1], return_index=True)
+    wanted = np.sort(np.asarray(faces, np.int64)[[[1, 2], [2, 0], [0, 1]]], axis=1)
+    return edges.ravel()[first[np.searchsorted(keys, wanted[:, 0] * n + wanted[:, 1])]]
 
 
 def numbered_edges(

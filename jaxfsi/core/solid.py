@@ -8,24 +8,24 @@ with the first Piola-Kirchhoff stress P of the material, a prestress S₀ (secon
 Hsu & Bazilevs 2011, eq. 8) and Kelvin-Voigt damping P_v = F 2η Ė.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements import Geometry, kept_apart
 from jaxfsi.core.materials import (
     AbstractMaterial,
-    LinearElastic,
+    Tensor,
     combined,
     determinant,
     plus_identity,
     product,
     transposed,
 )
-from jaxfsi.core.wall_elements import AbstractWallElement, Points, Weights
+from jaxfsi.core.wall_elements import AbstractWallElement, Points
 from lumped.parameters import Parameter, parameter
 
 
@@ -45,6 +45,29 @@ class Wall(eqx.Module):
     damping: Parameter = parameter(default=0.0)
     support_stiffness: Parameter = parameter(default=0.0)
     support_damping: Parameter = parameter(default=0.0)
+
+
+class WallMotion(NamedTuple):
+    """Deformation of the wall.
+
+    Attributes:
+        F: deformation gradients at the quadrature points.
+        rate: their rates [1/s].
+    """
+
+    F: Points
+    rate: Points
+
+
+def wall_motion(
+    u: Float[Array, "3 nodes"],
+    d: Float[Array, "3 nodes"],
+    element: AbstractWallElement,
+    shape: Geometry,
+) -> WallMotion:
+    """Deformation of velocities u [cm/s] and displacements d [cm]."""
+    rate = tuple(combined((1.0, H)) for H in element.slopes(u, shape))
+    return WallMotion(deformation_gradients(d, element, shape), rate)
 
 
 def deformation_gradients(
@@ -76,110 +99,64 @@ def solid_residual(
             quadrature point [dyn/cm²].
     """
     F, rate = kept_apart(wall_motion(u, d, element, shape), shape)
-    stress = _stress(F, rate, wall, element, shape, prestress, u.shape[1])
+    elastic = elastic_stress(F, wall.material, element, shape, u.shape[1])
+    stress = tuple(
+        combined((1.0, P), (1.0, inelastic_stress(F[g], rate[g], wall, prestress_at(prestress, g))))
+        for g, P in enumerate(elastic)
+    )
     stress = kept_apart(stress, shape)
     return element.forces(stress, a, wall.rho_s * shape.volume, shape)
 
 
-def _stress(
-    F: Points,
-    rate: Points,
-    wall: Wall,
-    element: AbstractWallElement,
-    shape: Geometry,
-    prestress: Float[Array, "3 3 points tets"] | None,
-    n_nodes: int,
+def elastic_stress(
+    F: Points, material: AbstractMaterial, element: AbstractWallElement, shape: Geometry, n: int
 ) -> Points:
-    """First Piola-Kirchhoff stress of elasticity, damping and prestress [dyn/cm²]."""
-    stress = []
-    for g, elastic in enumerate(element.stress(F, wall.material, shape, n_nodes)):
-        strain_rate = product(transposed(F[g]), rate[g])
-        S = combined((wall.damping, strain_rate), (wall.damping, transposed(strain_rate)))
-        if prestress is not None:
-            S = combined((1.0, S), (1.0, prestress[:, :, g]))
-        stress.append(combined((1.0, elastic), (1.0, product(F[g], S))))
-    return tuple(stress)
-
-
-class WallMotion(NamedTuple):
-    """Deformation about which the wall's forces are linearised.
-
-    Attributes:
-        F: deformation gradients at the quadrature points.
-        rate: their rates [1/s].
-    """
-
-    F: Points
-    rate: Points
-
-
-def wall_motion(
-    u: Float[Array, "3 nodes"],
-    d: Float[Array, "3 nodes"],
-    element: AbstractWallElement,
-    shape: Geometry,
-) -> WallMotion:
-    """Deformation of velocities u [cm/s] and displacements d [cm]."""
-    rate = tuple(combined((1.0, H)) for H in element.slopes(u, shape))
-    return WallMotion(deformation_gradients(d, element, shape), rate)
-
-
-def solid_tangent(
-    v: Float[Array, "3 nodes"],
-    weights: Weights,
-    motion: WallMotion,
-    wall: Wall,
-    element: AbstractWallElement,
-    shape: Geometry,
-    prestress: Float[Array, "3 3 points tets"] | None = None,
-) -> Float[Array, "3 nodes"]:
-    """Change of the wall's forces along v.
+    """First Piola-Kirchhoff stress of elasticity at the quadrature points [dyn/cm²].
 
     Args:
-        v: change of the unknown.
-        weights: what it does to acceleration, velocity and displacement.
-        motion: deformation about which the forces are linearised.
-        wall: what the wall is made of.
+        F: deformation gradients.
+        material: elastic law.
         element: elements of the wall.
         shape: their geometry in the reference configuration.
-        prestress: see `solid_residual`.
+        n: number of nodes.
     """
-
-    def stress(motion: WallMotion) -> Points:
-        return _stress(*motion, wall, element, shape, prestress, v.shape[1])
-
-    slopes = element.slopes(v, shape)
-    along = WallMotion(
-        tuple(combined((weights.d, H)) for H in slopes),
-        tuple(combined((weights.u, H)) for H in slopes),
+    pressures = element.pressures(F, material, shape, n)
+    return tuple(
+        local_stress(f, tuple(p.value[g] for p in pressures), material, element)
+        for g, f in enumerate(F)
     )
-    _, change = jax.jvp(stress, (motion,), (along,))
-    change = kept_apart(change, shape)
-    return element.forces(change, v, weights.a * wall.rho_s * shape.volume, shape)
 
 
-def reference_tangent(
-    v: Float[Array, "3 nodes"],
-    weights: Weights,
-    wall: Wall,
+def local_stress(
+    F: Tensor,
+    pressures: Sequence[Float[Array, " tets"]],
+    material: AbstractMaterial,
     element: AbstractWallElement,
-    shape: Geometry,
-    prestress: Float[Array, "3 3 points tets"] | None = None,
-) -> Float[Array, "3 nodes"]:
-    """`solid_tangent` about the undeformed wall at rest, where Hooke's law gives it."""
-    n_nodes = v.shape[1]
-    slopes = element.slopes(v, shape)
-    lam, G = wall.material.moduli
-    hooke = LinearElastic.of_moduli(lam, G)
-    elastic = element.stress(tuple(plus_identity(H, 1.0) for H in slopes), hooke, shape, n_nodes)
-    eta = weights.u * wall.damping
-    stress = []
-    for g, H in enumerate(slopes):
-        P = combined((weights.d, elastic[g]), (eta, H), (eta, transposed(H)))
-        if prestress is not None:
-            P = combined((1.0, P), (weights.d, product(H, prestress[:, :, g])))
-        stress.append(P)
-    return element.forces(tuple(stress), v, weights.a * wall.rho_s * shape.volume, shape)
+) -> Tensor:
+    """First Piola-Kirchhoff stress of elasticity where pressures act on the measures of volume."""
+    stress = element.law(material).stress(F)
+    if pressures:
+        for p, volume in zip(pressures, material.volumes(F), strict=True):
+            stress = combined((1.0, stress), (p, volume.slope))
+    return stress
+
+
+def prestress_at(
+    prestress: Float[Array, "3 3 points tets"] | None, point: int
+) -> Float[Array, "3 3 tets"] | None:
+    """Prestress at a quadrature point, where there is one."""
+    return None if prestress is None else prestress[:, :, point]
+
+
+def inelastic_stress(
+    F: Tensor, rate: Tensor, wall: Wall, prestress: Float[Array, "3 3 tets"] | None
+) -> Tensor:
+    """First Piola-Kirchhoff stress of damping and prestress [dyn/cm²]."""
+    strain_rate = product(transposed(F), rate)
+    S = combined((wall.damping, strain_rate), (wall.damping, transposed(strain_rate)))
+    if prestress is not None:
+        S = combined((1.0, S), (1.0, prestress))
+    return product(F, S)
 
 
 def cauchy_stress(
@@ -201,7 +178,7 @@ def cauchy_stress(
         prestress: see `solid_residual`.
     """
     F = deformation_gradients(d, element, shape)
-    elastic = element.stress(F, wall.material, shape, d.shape[1])
+    elastic = elastic_stress(F, wall.material, element, shape, d.shape[1])
     points = []
     for g, P in enumerate(elastic):
         whole = P

@@ -4,7 +4,7 @@
 
     ∫ (P(F) + F S₀) ∇N_a dV + support = Σ −∫ p N_a n da + f_a
 
-over the deformed faces, with dead forces f. Newton's method with the exact tangent and GMRES,
+over the deformed faces, with dead forces f. Newton's method with the tangent and GMRES,
 preconditioned by the wall's factor at the reference shape; the load is raised in steps. The
 derivative is that of the equilibrium (implicit function theorem).
 """
@@ -22,14 +22,19 @@ from jaxfsi.core.elements import geometry
 from jaxfsi.core.equations import outer_share
 from jaxfsi.core.krylov import fgmres
 from jaxfsi.core.model import Model
+from jaxfsi.core.quadratic import QuadraticElement, edges_of_faces
 from jaxfsi.core.solid import solid_residual
 from jaxfsi.core.wall_blocks import vertex_block
 from jaxfsi.core.wall_elements import Weights
 from jaxfsi.core.wall_factor import WallFactor, wall_factor, wall_solve, wall_solve_transposed
+from jaxfsi.core.wall_tangent import apply_wall, wall_tangent
 from jaxfsi.mesh import Mesh, tet_faces
 from lumped.parameters import Parameter, is_traced
 
 Field = Float[Array, "3 nodes"]
+
+STATIC = Weights(0.0, 0.0, 1.0)
+"""The unknown of an equilibrium is the displacement."""
 
 
 class RESULTS(eqx.Enumeration):
@@ -52,10 +57,12 @@ class PressureLoad(NamedTuple):
     Attributes:
         faces: triangles pointing out of the wall.
         p: pressure at all nodes of the model, of which those of the faces count [dyn/cm²].
+        edges: unknowns of the edges opposite to the corners; None where edges do not bow.
     """
 
     faces: Int[Array, "3 faces"]
     p: Float[Array, " nodes"]
+    edges: Int[Array, "3 faces"] | None = None
 
 
 class Loads(NamedTuple):
@@ -116,7 +123,10 @@ def pressure_load(
             " such as interface or outer_wall."
         )
     value = jnp.broadcast_to(jnp.asarray(p, float), (n,))
-    return PressureLoad(jnp.asarray(sides[found].T), jnp.pad(value, (0, model.n_nodes - n)))
+    ordered, edges = sides[found].T, None
+    if isinstance(model.element, QuadraticElement):
+        edges = jnp.asarray(edges_of_faces(model.element, ordered))
+    return PressureLoad(jnp.asarray(ordered), jnp.pad(value, (0, model.n_nodes - n)), edges)
 
 
 def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
@@ -127,23 +137,28 @@ def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
     """
     if model.wall is None:
         raise ValueError("the model has no wall, so that nothing can be in equilibrium; give one")
-    weights = Weights(0.0, 0.0, 1.0)
-    A = vertex_block(model, weights).tolil()
+    A = vertex_block(model, STATIC).tolil()
     support = np.repeat(np.asarray(outer_share(model) * model.wall.support_stiffness), 3)
     A.setdiag(A.diagonal() + support)
-    return wall_factor(sp.csr_matrix(A), model, weights, dtype=dtype)
+    return wall_factor(sp.csr_matrix(A), model, STATIC, dtype=dtype)
 
 
 def load_forces(loads: Loads, d: Field, model: Model) -> Field:
-    """Forces of the loads on the nodes of the deformed wall [dyn]."""
+    """Forces of the loads on the nodes of the deformed wall [dyn].
+
+    Faces count as flat between their corners.
+    """
     total = jnp.zeros_like(d) if loads.force is None else loads.force
     x = model.x + d
-    for faces, p in loads.pressures:
+    for faces, p, edges in loads.pressures:
         a, b, c = (x[:, faces[i]] for i in range(3))
         area = jnp.cross(b - a, c - a, axis=0) / 2.0
         whole = p[faces[0]] + p[faces[1]] + p[faces[2]]
         for k in range(3):  # ∫ p N_k over a triangle is (p_k + Σ p) A/12
             total = total.at[:, faces[k]].add(-(p[faces[k]] + whole) / 12.0 * area)
+            if edges is not None:  # ∫ p 4 N_a N_b, of the corners a and b other than k
+                share = (2.0 * whole - p[faces[k]]) / 15.0
+                total = total.at[:, edges[k]].add(-share * area)
     return total
 
 
@@ -202,6 +217,19 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         r = r - scale * load_forces(loads, d, model)
         return jnp.where(free, r, d).reshape(-1)
 
+    def tangent(flat, scale):
+        d = flat.reshape(3, -1)
+        about = wall_tangent(zero, d, STATIC, model.wall, model.element, shape, model.prestress)
+        _, load_change = jax.linearize(lambda d: load_forces(loads, d, model), d)
+
+        def product(flat):
+            v = flat.reshape(3, -1)
+            r = apply_wall(about, v, model.element, shape)
+            r = r + outer_share(model) * model.wall.support_stiffness * v
+            return jnp.where(free, r - scale * load_change(v), v).reshape(-1)
+
+        return product
+
     def approximate(solve):
         return lambda r: jnp.where(
             free, solve(factor, jnp.where(free, r.reshape(3, -1), 0.0)), r.reshape(3, -1)
@@ -229,9 +257,8 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         def correct(s):
             d, r, k, n = s
             goal = jnp.maximum(0.3 * tolerance * size / jnp.linalg.norm(r), 1e-5)
-            step = linear_solve(
-                lambda v: jax.jvp(function, (d,), (v,))[1], r, approximate(wall_solve), goal
-            )
+            product = tangent(d, scale)
+            step = linear_solve(product, r, approximate(wall_solve), goal)
             d = d - step.x
             return d, function(d), k + 1, n + step.n_iterations
 

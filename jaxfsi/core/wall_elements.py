@@ -16,7 +16,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import Geometry, added, gradient, scatter, total, vector_corners
+from jaxfsi.core.elements import (
+    Corners,
+    Geometry,
+    added,
+    gradient,
+    scatter,
+    total,
+    vector_corners,
+)
 from jaxfsi.core.materials import AbstractMaterial, Tensor
 from lumped.parameters import Parameter
 
@@ -38,6 +46,18 @@ class Weights(NamedTuple):
     d: Parameter
 
 
+class Pressure(NamedTuple):
+    """Pressure with which the wall resists a change of averaged volumes.
+
+    Attributes:
+        value: at the quadrature points [dyn/cm²].
+        stiffness: its change with the averaged measure of the volume round each vertex [dyn/cm²].
+    """
+
+    value: Corners
+    stiffness: Float[Array, " nodes"]
+
+
 class AbstractWallElement(eqx.Module):
     """Kinematics of the wall. Quadrature points have equal weights."""
 
@@ -48,14 +68,30 @@ class AbstractWallElement(eqx.Module):
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
 
     @abc.abstractmethod
-    def stress(self, F: Points, material: AbstractMaterial, shape: Geometry, n: int) -> Points:
-        """First Piola-Kirchhoff stress at the quadrature points [dyn/cm²].
+    def law(self, material: AbstractMaterial) -> AbstractMaterial:
+        """What of a material acts point by point."""
+
+    @abc.abstractmethod
+    def pressures(
+        self, F: Points, material: AbstractMaterial, shape: Geometry, n: int
+    ) -> tuple[Pressure, ...]:
+        """What of a material acts on averaged volumes: a pressure for each of its measures.
 
         Args:
             F: deformation gradients.
             material: elastic law.
             shape: of the elements in the reference configuration.
             n: number of nodes.
+        """
+
+    @abc.abstractmethod
+    def spread(self, q: Corners, stiffness: Float[Array, " nodes"], shape: Geometry) -> Corners:
+        """Change of a pressure at the quadrature points.
+
+        Args:
+            q: change of its measure of the volume there.
+            stiffness: see `Pressure`.
+            shape: of the elements in the reference configuration.
         """
 
     @abc.abstractmethod
@@ -89,9 +125,19 @@ class LinearElement(AbstractWallElement):
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
         return ([gradient(component, shape) for component in vector_corners(field, self.tets)],)
 
-    def stress(self, F: Points, material: AbstractMaterial, shape: Geometry, n: int) -> Points:
-        """First Piola-Kirchhoff stress at the quadrature points [dyn/cm²]."""
-        return (material.stress(F[0]),)
+    def law(self, material: AbstractMaterial) -> AbstractMaterial:
+        """All of the material."""
+        return material
+
+    def pressures(
+        self, F: Points, material: AbstractMaterial, shape: Geometry, n: int
+    ) -> tuple[Pressure, ...]:
+        """None: no volumes are averaged."""
+        return ()
+
+    def spread(self, q: Corners, stiffness: Float[Array, " nodes"], shape: Geometry) -> Corners:
+        """The change itself: no volumes are averaged."""
+        return q
 
     def forces(
         self,

@@ -24,16 +24,16 @@ from jaxtyping import Array, Float, Int
 from jaxfsi.core.elements import Geometry, geometry
 from jaxfsi.core.model import Model
 from jaxfsi.core.nested_factor import NestedFactor, nested_factor, nested_solve
-from jaxfsi.core.solid import Wall, reference_tangent
 from jaxfsi.core.wall_blocks import edge_blocks
 from jaxfsi.core.wall_elements import AbstractWallElement, Weights
+from jaxfsi.core.wall_tangent import WallTangent, apply_wall, wall_tangent
 
 Field = Float[Array, "3 nodes"]
 
 _RANGE = 6.0
 """Largest over smallest eigenvalue that the polynomial is made for."""
 
-_DEGREE = 2
+_DEGREE = 1
 _POWER_STEPS = 15
 _MARGIN = 1.1
 
@@ -47,8 +47,7 @@ class WallFactor(eqx.Module):
         edge_inverse: inverses of the blocks of the edges, in the order of all nodes after the
             vertices; zero where an edge is held.
         largest: largest eigenvalue of D⁻¹ A_ee.
-        weights: of acceleration, velocity and displacement in the tangent.
-        wall: what the wall is made of.
+        tangent: of the wall at rest in its reference shape.
         element: elements of the wall.
         shape: their geometry in the reference configuration.
     """
@@ -57,8 +56,7 @@ class WallFactor(eqx.Module):
     vertex_nodes: Int[Array, " wall"]
     edge_inverse: Float[Array, "3 3 edges"]
     largest: Float[Array, ""]
-    weights: Weights
-    wall: Wall | None
+    tangent: WallTangent | None
     element: AbstractWallElement
     shape: Geometry
 
@@ -88,20 +86,24 @@ def wall_factor(
         points=np.asarray(model.x).T[nodes],
         dtype=dtype,
     )
-    weights = Weights(*(jnp.asarray(w, float) for w in weights))
-    inverse = np.zeros((0, 3, 3))
-    if model.n_nodes > model.n_vertices:
+    inverse, tangent = np.zeros((0, 3, 3)), None
+    shape = geometry(model.x, model.solid_tets)
+    if model.wall is not None and model.n_nodes > model.n_vertices:
         inverse = np.linalg.inv(edge_blocks(model, weights))
         inverse[held[model.n_vertices :]] = 0.0
+        weights = Weights(*(jnp.asarray(w, float) for w in weights))
+        rest = jnp.zeros_like(model.x)
+        tangent = eqx.filter_jit(wall_tangent)(
+            rest, rest, weights, model.wall, model.element, shape
+        )
     factor = WallFactor(
         vertices,
         jnp.asarray(nodes, jnp.int32),
         jnp.asarray(np.moveaxis(inverse, 0, 2)),
         jnp.ones(()),
-        weights,
-        model.wall,
+        tangent,
         model.element,
-        geometry(model.x, model.solid_tets),
+        shape,
     )
     if len(inverse):
         largest = _MARGIN * _largest(factor, model.n_vertices)
@@ -136,9 +138,8 @@ def _product(
     factor: WallFactor, v: Float[Array, "3 vertices"], w: Float[Array, "3 edges"]
 ) -> Float[Array, "3 _"]:
     """Tangent times a field given on vertices and edges."""
-    assert factor.wall is not None
-    field = jnp.concatenate([v, w], axis=1)
-    return reference_tangent(field, factor.weights, factor.wall, factor.element, factor.shape)
+    assert factor.tangent is not None
+    return apply_wall(factor.tangent, jnp.concatenate([v, w], axis=1), factor.element, factor.shape)
 
 
 def _blockwise(factor: WallFactor, r: Float[Array, "3 edges"]) -> Float[Array, "3 edges"]:

@@ -42,6 +42,7 @@ from jaxfsi.verification.walls import (
     RING_WORK,
     STRIP_WORK,
     WallProblem,
+    axial_strain,
     clamped_strip,
     lame_displacement,
     radial_displacement,

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxfsi.core.bowed_interface import bowed_flux
 from jaxfsi.core.elements import area_vectors, flux
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
@@ -75,18 +76,27 @@ def balance(
     x = model.x + before.d_mesh + alpha * (after.d_mesh - before.d_mesh)
     u = before.u + alpha * (after.u - before.u)
     Q = jnp.stack([flux(u, x, faces) for faces in model.port_faces]) * wet_ports(model)
-    return Balance(jnp.sum(Q), flux(u, x, wall), jnp.sum(jnp.abs(Q)))
+    given = flux(u, x, wall)
+    if model.bowed is not None:
+        given = given + jnp.sum(bowed_flux(u, x, model.bowed))
+    return Balance(jnp.sum(Q), given, jnp.sum(jnp.abs(Q)))
 
 
 def lumen_volume(state: State, model: Model, wall: Int[Array, "3 faces"]) -> Float[Array, ""]:
-    """Volume that wall and openings enclose [cm³], by ⅓ ∫ x·n over their triangles."""
+    """Volume that wall and openings enclose [cm³], by ⅓ ∫ x·n over their triangles, and the bows.
+
+    The bows' volume is right to the first order in their height.
+    """
     x = model.x + state.d
 
     def share(faces: Int[Array, "3 faces"]) -> Float[Array, ""]:
         return jnp.sum(jnp.mean(x[:, faces], axis=1) * area_vectors(x, faces)) / 3.0
 
     openings = jnp.stack([share(faces) for faces in model.port_faces])
-    return share(wall) + jnp.sum(wet_ports(model) * openings)
+    volume = share(wall) + jnp.sum(wet_ports(model) * openings)
+    if model.bowed is not None:
+        volume = volume + jnp.sum(bowed_flux(state.d, x, model.bowed))
+    return volume
 
 
 class Bookkeeping(NamedTuple):

@@ -129,7 +129,9 @@ def thick_tube(
     n_axial: int = 20,
     n_layers: int = 2,
 ) -> WallProblem:
-    """A tube of length 2 cm clamped at its ends, which is long enough to be free of them midway.
+    """A tube of length 2 cm clamped at its ends, which bend it no more midway.
+
+    Its middle shortens all the same: near the ends, where the tube cannot widen, it is longer.
 
     Args:
         nu: Poisson's ratio.
@@ -153,12 +155,18 @@ def thick_tube(
 
 
 def lame_displacement(
-    radius: float, inner: float, outer: float, pressure: float, E: float, nu: float
+    radius: float,
+    inner: float,
+    outer: float,
+    pressure: float,
+    E: float,
+    nu: float,
+    axial_strain: float = 0.0,
 ) -> float:
-    """Radial displacement of a thick tube under inner pressure without axial strain [cm].
+    """Radial displacement of a thick tube under inner pressure with a given axial strain [cm].
 
-    u(r) = (1 + ν) p a² ((1 − 2ν) r + b²/r) / (E (b² − a²)) (Lamé 1852; Timoshenko & Goodier 1951,
-    eq. 46, with plane strain).
+    u(r) = (1 + ν) p a² ((1 − 2ν) r + b²/r) / (E (b² − a²)) − ν ε r (Lamé 1852; Timoshenko & Goodier
+    1951, eq. 46, with generalised plane strain).
 
     Args:
         radius: where [cm].
@@ -167,9 +175,21 @@ def lame_displacement(
         pressure: p inside [dyn/cm²].
         E: Young's modulus [dyn/cm²].
         nu: Poisson's ratio.
+        axial_strain: ε.
     """
     shape = (1.0 - 2.0 * nu) * radius + outer**2 / radius
-    return (1.0 + nu) * pressure * inner**2 * shape / (E * (outer**2 - inner**2))
+    widening = (1.0 + nu) * pressure * inner**2 * shape / (E * (outer**2 - inner**2))
+    return widening - nu * axial_strain * radius
+
+
+def axial_strain(
+    problem: WallProblem, d: Float[Array, "3 nodes"], z: float, length: float
+) -> float:
+    """Mean axial strain over a length round a height [cm], by least squares."""
+    height = problem.mesh.points[:, 2]
+    here = np.abs(height - z) <= length / 2.0
+    moved = np.asarray(d)[2, : len(height)][here]
+    return float(np.polyfit(height[here], moved, 1)[0])
 
 
 def radial_displacement(

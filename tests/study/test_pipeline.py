@@ -6,9 +6,6 @@ import pytest
 
 from lumped import MMHG
 
-# One worker of a parallel run makes the demo result for all of these (--dist loadgroup).
-pytestmark = pytest.mark.xdist_group("demo")
-
 
 def runs(result, **wanted):
     return [run for run in result["runs"] if wanted.items() <= run.items()]

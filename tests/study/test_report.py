@@ -10,9 +10,6 @@ from study.report import html_report, signed
 from study.results import load_document
 from study.summary import summary
 
-# One worker of a parallel run makes the demo result for all of these (--dist loadgroup).
-pytestmark = pytest.mark.xdist_group("demo")
-
 
 @pytest.fixture(scope="module")
 def page(demo):

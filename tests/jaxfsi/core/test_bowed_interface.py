@@ -1,0 +1,61 @@
+"""Pressure on edges that bow, and the volume that they open."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxfsi.core.bowed_interface import bowed_flux, bowed_load
+from jaxfsi.core.elements import area_vectors
+from jaxfsi.core.materials import LinearElastic
+from jaxfsi.core.model import build_model
+from jaxfsi.core.ports import PressurePort
+from jaxfsi.core.solid import Wall
+from jaxfsi.meshing import tube
+from lumped.waveforms import Constant
+
+
+@pytest.fixture(scope="module")
+def model():
+    mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1)
+    ports = {name: PressurePort(Constant(0.0)) for name in mesh.openings}
+    wall = Wall(LinearElastic(1e6, 0.3))
+    return build_model(mesh, ports, wall=wall, wall_element="quadratic")
+
+
+def test_flux_is_the_transpose_of_the_load(model):
+    rng = np.random.default_rng(0)
+    x = model.x + 0.01 * jnp.asarray(rng.standard_normal(model.x.shape))
+    u, p = jnp.asarray(rng.standard_normal(x.shape)), jnp.asarray(rng.standard_normal(x.shape[1]))
+    power = float(jnp.sum(u * bowed_load(p, x, model.bowed)))
+    assert float(jnp.sum(p * bowed_flux(u, x, model.bowed))) == pytest.approx(power, rel=1e-12)
+
+
+def test_linear_pressure_on_a_face_is_integrated_exactly(model):
+    rng = np.random.default_rng(1)
+    p = jnp.asarray(rng.standard_normal(model.n_nodes))
+    faces, edges = (np.asarray(a) for a in (model.bowed.faces, model.bowed.edges))
+    one = jnp.zeros_like(model.x).at[2, edges[0, 0]].set(1.0)
+    # a product rule of order 4 on each of the faces beside the edge, ∫ p 4 N_a N_b n_z dA
+    area = np.asarray(area_vectors(model.x, model.bowed.faces))[2]
+    point, weight = np.polynomial.legendre.leggauss(4)
+    s, w = (point + 1.0) / 2.0, weight / 2.0
+    total = 0.0
+    for k, face in np.argwhere(edges == edges[0, 0]):
+        a, b, c = faces[(k + 1) % 3, face], faces[(k + 2) % 3, face], faces[k, face]
+        for i in range(4):
+            for j in range(4):
+                n_a, n_b = s[i], (1.0 - s[i]) * s[j]
+                value = n_a * p[a] + n_b * p[b] + (1.0 - n_a - n_b) * p[c]
+                factor = 2.0 * w[i] * w[j] * (1.0 - s[i]) * 4.0 * n_a * n_b
+                total += float(value) * factor * area[face]
+    found = jnp.sum(one * bowed_load(p, model.x, model.bowed))
+    assert float(found) == pytest.approx(total, rel=1e-12, abs=1e-18)
+
+
+def test_interface_without_bows_has_none(model):
+    mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1)
+    ports = {name: PressurePort(Constant(0.0)) for name in mesh.openings}
+    linear = build_model(mesh, ports, wall=Wall(LinearElastic(1e6, 0.3)), wall_element="linear")
+    assert linear.bowed is None
+    # Each face has three edges, shared by two faces but for those of both rims.
+    assert 2 * len(np.unique(model.bowed.edges)) == 3 * model.bowed.faces.shape[1] + 2 * 8

@@ -8,7 +8,7 @@ demo: .venv/installed
 	$(BIN)/jaxfsi run --demo --out results
 
 test: .venv/installed-test lint
-	$(BIN)/python -m pytest -m "not slow and not gpu" -n 2 --dist loadfile --durations 15
+	$(BIN)/python -m pytest -m "not slow and not gpu" -n 2 --dist loadfile --max-worker-restart 0 --durations 15
 
 lint: .venv/installed-test
 	$(BIN)/ruff format --check .

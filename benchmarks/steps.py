@@ -19,7 +19,7 @@ from benchmarks.verification import wave_mesh
 from jaxfsi.core.equations import Unknowns, begin_step, extrapolated, residual
 from jaxfsi.core.march import march
 from jaxfsi.core.mesh_motion import mesh_displacement
-from jaxfsi.core.model import Model
+from jaxfsi.core.model import Model, WallElement
 from jaxfsi.core.newton import single, tangent
 from jaxfsi.core.preconditioner import precondition
 from jaxfsi.core.state import State, initial_state
@@ -35,7 +35,13 @@ from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_model
 
 DT = 1e-4
 CHUNK = 10
-_SIZES = {"10k": (16, 32, 2), "60k": (30, 60, 3), "300k": (50, 100, 5)}
+_CASES: dict[str, tuple[tuple[int, int, int], WallElement, float]] = {
+    "10k": ((16, 32, 2), "linear", 1e-3),
+    "10k, quadratic wall": ((16, 32, 2), "quadratic", 1e-3),
+    "60k": ((30, 60, 3), "linear", 1e-3),
+    "60k, tolerance 1e-2": ((30, 60, 3), "linear", 1e-2),
+    "300k": ((50, 100, 5), "linear", 1e-3),
+}
 _PROFILED = "60k"
 _GRADIENT_STEPS = 20
 
@@ -43,10 +49,11 @@ _GRADIENT_STEPS = 20
 def run(rounds: int) -> dict[str, Any]:
     """Run the benchmark."""
     rows = []
-    for name, (around, axial, layers) in _SIZES.items():
-        mesh = wave_mesh(around, axial, layers)
-        model = wave_model(mesh, TUBE_WAVE)
-        stepper, prepare_s = timed(lambda model=model: prepare(DT, model))
+    for name, (size, wall_element, tolerance) in _CASES.items():
+        model = wave_model(wave_mesh(*size), TUBE_WAVE, wall_element=wall_element)
+        stepper, prepare_s = timed(
+            lambda model=model, tolerance=tolerance: prepare(DT, model, tolerance=tolerance)
+        )
         state = initial_state(model)
         end, first_s = timed(lambda: march(model, state, stepper, CHUNK))  # noqa: B023
         # The start of the burst is behind.
@@ -77,7 +84,8 @@ def run(rounds: int) -> dict[str, Any]:
         "name": "steps",
         "rows": rows,
         "notes": [
-            f"dt {DT:g} s; tolerance: by how much a step reduces the residual that it begins with.",
+            f"dt {DT:g} s; tolerance: by how much a step reduces the residual that it begins with;"
+            " after 60 steps the fields at 1e-2 differ by 3e-4 from those at 1e-3.",
             "share: of the step, the part's warm time alone times its calls a step; parts that XLA"
             " computes once for all calls, and about 1 ms of dispatch a call, count here: on small"
             " meshes the shares add up to more than 1.",

@@ -136,6 +136,25 @@ def test_residual_is_linear_in_velocity_acceleration_and_pressure(box):
     np.testing.assert_allclose(r(both), expected, atol=1e-12 * scale)
 
 
+def test_stabilisation_of_the_divergence_is_free_of_the_step_unless_asked_for(box):
+    u, zero = 20.0 * _random(5, *box.x.shape), jnp.zeros_like(box.x)
+
+    def coefficients(dt, blood):
+        return frozen(jnp.asarray(dt), u, zero, zero[0], zero, blood, box.tets, box.shape)
+
+    long, short = coefficients(1e-3, BLOOD), coefficients(1e-6, BLOOD)
+    np.testing.assert_allclose(long.tau_continuity, short.tau_continuity, rtol=1e-12)
+    # Where the step is long, 1/(τ_M tr G) is its limit.
+    other = Blood(BLOOD.rho_f, BLOOD.viscosity, transient_continuity=True)
+    trace = jnp.sum(box.shape.grad[:, 1:] ** 2, axis=(0, 1))
+    for dt in (1e-6, 1e-3, 1e3):
+        k = coefficients(dt, other)
+        np.testing.assert_allclose(k.tau_continuity, 1.0 / (k.tau_momentum * trace), rtol=1e-12)
+    np.testing.assert_allclose(
+        coefficients(1e3, other).tau_continuity, long.tau_continuity, rtol=1e-6
+    )
+
+
 def test_viscous_power_is_the_dissipation(box):
     # Without inertia, u·r_u = ∫ 2μ ε:ε + τ_C (∇·u)²; a divergence-free field leaves the first.
     M = jnp.asarray([[1.0, 4.0, 0.5], [-2.0, 2.0, 1.0], [0.0, 3.0, -3.0]])

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.timing import in_turn, timed
-from benchmarks.verification import wave_mesh
 from jaxfsi.core.equations import Unknowns, begin_step, extrapolated, residual
 from jaxfsi.core.march import march
 from jaxfsi.core.mesh_motion import mesh_displacement
@@ -31,7 +30,7 @@ from jaxfsi.verification.coupled_tube import (
     outlet_pressure,
     outlet_pressure_gradient,
 )
-from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_model
+from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_mesh, wave_model
 
 DT = 1e-4
 CHUNK = 10

@@ -19,7 +19,6 @@ from scipy.spatial import KDTree
 from jaxfsi import reordered
 from jaxfsi.core.state import initial_state
 from jaxfsi.core.stepper import prepare
-from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files import read_mesh_complete, read_vtu
 from jaxfsi.verification import (
     coupled_tube,
@@ -62,7 +61,7 @@ def pulse() -> Iterator[Figure]:
     low, high = tube_wave.PULSE_DISPLACEMENT
     sizes = ((16, 40, 2, 1e-4), (24, 60, 3, 1e-4 / 1.5))
     found = [
-        tube_wave.largest_displacement(wave_mesh(around, axial, layers), dt=dt)
+        tube_wave.largest_displacement(tube_wave.wave_mesh(around, axial, layers), dt=dt)
         for around, axial, layers, dt in sizes
     ]
     # All errors are of second order and go with the size of the elements.
@@ -70,20 +69,6 @@ def pulse() -> Iterator[Figure]:
     limit = found[1] + (found[1] - found[0]) / (ratio - 1.0)
     yield in_band("3dTube", "radial displacement, finest mesh [cm]", found[1], low, high)
     yield in_band("3dTube", "radial displacement, extrapolated [cm]", limit, low, high)
-
-
-def wave_mesh(n_around: int, n_axial: int, n_layers: int) -> Mesh:
-    """The elastic tube of the waves with so many elements round, along and through its wall."""
-    return round_tube(
-        radius=tube_wave.RADIUS,
-        length=tube_wave.LENGTH,
-        thickness=tube_wave.THICKNESS,
-        n_around=n_around,
-        n_axial=n_axial,
-        n_rings=n_around // 5,
-        n_layers=n_layers,
-        grading=0.0,
-    )
 
 
 def rigid() -> Iterator[Figure]:

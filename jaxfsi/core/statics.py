@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
+from jaxfsi.core.bowed_interface import BowedInterface, bowed_load
 from jaxfsi.core.elements import geometry
 from jaxfsi.core.equations import outer_share
 from jaxfsi.core.krylov import fgmres
@@ -156,9 +157,8 @@ def load_forces(loads: Loads, d: Field, model: Model) -> Field:
         whole = p[faces[0]] + p[faces[1]] + p[faces[2]]
         for k in range(3):  # ∫ p N_k over a triangle is (p_k + Σ p) A/12
             total = total.at[:, faces[k]].add(-(p[faces[k]] + whole) / 12.0 * area)
-            if edges is not None:  # ∫ p 4 N_a N_b, of the corners a and b other than k
-                share = (2.0 * whole - p[faces[k]]) / 15.0
-                total = total.at[:, edges[k]].add(-share * area)
+        if edges is not None:
+            total = total - bowed_load(p, x, BowedInterface(faces, edges))
     return total
 
 

@@ -6,9 +6,9 @@
 
 with A_ijkl = ∂P_ij/∂H_kl about the mean deformation of an element and the pressures δp_m of the
 volumes that its kind averages. For linear elements, and where the strain is uniform, that is the
-exact derivative; an element that bends differs by the part of its strain that varies in it, a
-thousandth for strains of a thousandth, and the product takes half the time. The material's law is
-not evaluated in a product.
+exact derivative; of an element that bends it lacks the part of the strain that varies in it, half a
+percent on the elastic tube, and the product takes half the time. The material's law is not
+evaluated in a product.
 """
 
 from collections.abc import Sequence

@@ -30,6 +30,7 @@ from jaxfsi.core.stepper import prepare
 from jaxfsi.core.viscosity import Newtonian
 from jaxfsi.mesh import Mesh
 from jaxfsi.verification.figures import Figure, figure
+from jaxfsi.verification.round_tube import round_tube
 from lumped.parameters import Parameter, check_range, parameter
 from lumped.waveforms import AbstractWaveform, Constant
 
@@ -100,6 +101,20 @@ TUBE_WAVE = WaveProblem(
 
 PULSE_TUBE = WaveProblem(LinearElastic(YOUNG, POISSON), pressure=1.3333e4)
 """The tube of solids4foam's case 3dTube: 1333.3 Pa for 3 ms, to 20 ms."""
+
+
+def wave_mesh(n_around: int, n_axial: int, n_layers: int) -> Mesh:
+    """The tube with so many elements round, along and through its wall."""
+    return round_tube(
+        radius=RADIUS,
+        length=LENGTH,
+        thickness=THICKNESS,
+        n_around=n_around,
+        n_axial=n_axial,
+        n_rings=n_around // 5,
+        n_layers=n_layers,
+        grading=0.0,
+    )
 
 
 def wave_model(mesh: Mesh, problem: WaveProblem, *, wall_element: WallElement = "linear") -> Model:

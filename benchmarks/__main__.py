@@ -14,7 +14,17 @@ from typing import Any
 
 import jax
 
-BENCHMARKS = ("surrogate", "alpha", "vascular", "fits", "meshing", "verification", "wall", "steps")
+BENCHMARKS = (
+    "surrogate",
+    "alpha",
+    "vascular",
+    "fits",
+    "meshing",
+    "verification",
+    "wall",
+    "slit",
+    "steps",
+)
 
 
 def main() -> int:

@@ -38,6 +38,7 @@ class WallParameters:
         nu: Poisson's ratio [-].
         rho_s: density [g/cm³].
         material: elastic law in 3D.
+        element: elements of the wall in 3D: linear, or quadratic ones, which bend.
         prestress: whether the shape in the image carries the diastolic pressure, or no stress.
         thickness_per_radius: wall thickness over local lumen radius [-].
         thickness_min: smallest thickness [cm], if bounded.
@@ -48,6 +49,7 @@ class WallParameters:
     nu: float = 0.49
     rho_s: float = 1.0
     material: Literal["linear", "saint_venant_kirchhoff", "neo_hookean"] = "saint_venant_kirchhoff"
+    element: Literal["linear", "quadratic"] = "linear"
     prestress: Literal["diastole", "none"] = "diastole"
     thickness_per_radius: float = 0.1
     thickness_min: float | None = None

@@ -38,6 +38,7 @@ WALL = (
         ("linear", "saint_venant_kirchhoff", "neo_hookean"),
         default="saint_venant_kirchhoff",
     ),
+    Word("element", ("linear", "quadratic"), default="linear"),
     Word("prestress", ("diastole", "none"), default="diastole"),
     Quantity("thickness_per_radius", "number", "", 0.01, 1.0, 0.1),
 )

@@ -249,6 +249,7 @@ def prepare_simulation(
         wall=None
         if rigid
         else Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s),
+        wall_element=case.wall.element,
         P_ambient=entry.P_diastolic,
     )
     if loaded:

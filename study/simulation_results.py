@@ -61,6 +61,7 @@ def simulation_document(
         "condition": condition,
         "rigid": setup.model.is_rigid,
         "material": None if setup.model.is_rigid else case.wall.material,
+        "wall_element": None if setup.model.is_rigid else case.wall.element,
         "ratio_name": name,
         name: whole[-1]["ratio"] if whole else None,
         "measured": case.conditions[condition].ffr,

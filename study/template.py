@@ -47,6 +47,7 @@ id = "patient-01"                   # names the results: letters, digits, ". _ -
 #nu = 0.49
 #density_g_per_cm3 = 1.0
 #material = "saint_venant_kirchhoff" # linear | saint_venant_kirchhoff | neo_hookean
+#element = "linear"                 # linear | quadratic: bends, and takes some ten times as long
 #thickness_per_radius = 0.1         # or { factor = 0.1, min_mm = 0.3, max_mm = 2.0 }
 
 # The condition at rest. ffr is the measured mean distal over mean aortic pressure (resting Pd/Pa):

@@ -110,8 +110,8 @@ def total(values: Corners) -> Float[Array, " tets"]:
 
 def geometry(x: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"]) -> Geometry:
     """Gradients and volumes of linear tetrahedra with node positions x [cm]."""
-    corner = x[:, tets]
-    e = [[corner[j, i] - corner[j, 0] for j in range(3)] for i in (1, 2, 3)]
+    corner = vector_corners(x, tets)
+    e = [[corner[j][i] - corner[j][0] for j in range(3)] for i in (1, 2, 3)]
     normals = [_cross(e[1], e[2]), _cross(e[2], e[0]), _cross(e[0], e[1])]
     det = added(e[0][j] * normals[0][j] for j in range(3))
     others = [[n / det for n in normal] for normal in normals]

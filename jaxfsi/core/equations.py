@@ -17,7 +17,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxfsi.core.bowed_interface import bowed_flux, bowed_load
-from jaxfsi.core.elements import Geometry, area_vectors, face_load, flux, geometry, kept_apart
+from jaxfsi.core.elements import (
+    Geometry,
+    area_vectors,
+    face_load,
+    flux,
+    geometry,
+    kept_apart,
+    kept_in_derivatives,
+)
 from jaxfsi.core.fluid import Frozen, fluid_residual, frozen
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.mesh_motion import MeshMotion, mesh_displacement
@@ -108,6 +116,8 @@ def begin_step(
     x = model.x + between(state.d_mesh, d_mesh)
     fluid_shape = geometry(x, model.fluid_tets)
     fluid_shape = kept_apart(fluid_shape, fluid_shape)
+    solid_shape = geometry(model.x, model.solid_tets)
+    solid_shape = kept_in_derivatives(solid_shape, solid_shape)
     coefficients = frozen(
         dt,
         between(state.u, guess.u),
@@ -118,6 +128,7 @@ def begin_step(
         model.fluid_tets,
         fluid_shape,
     )
+    coefficients = kept_in_derivatives(coefficients, fluid_shape)
     P_offset, Z = [], []
     for i, port in enumerate(model.ports):
         if isinstance(port, PressurePort):
@@ -139,7 +150,7 @@ def begin_step(
         d_mesh,
         x,
         fluid_shape,
-        geometry(model.x, model.solid_tets),
+        solid_shape,
         coefficients,
         held_velocity(state.t + dt, model),
         jnp.array(P_offset, float),
@@ -212,6 +223,9 @@ def _port_load(
         inflow = jnp.minimum(jnp.sum(c * area, axis=0), 0.0)
         backflow = 0.5 * BACKFLOW * model.blood.rho_f * inflow * jnp.mean(u[:, faces], axis=1)
         load = load + face_load(backflow - P * area, faces, model.n_nodes)
+        edges = model.port_edges[i]
+        if edges is not None:  # ∫ 4 N_a N_b over a triangle is a third of its area too
+            load = load - face_load(P * area, edges, model.n_nodes)
     return load
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 from jaxfsi.core.model import Model
 from jaxfsi.core.state import State
 from jaxfsi.core.stepper import Stepper
-from jaxfsi.core.stepping import RESULTS, StepReport, advance_step
+from jaxfsi.core.stepping import RESULTS, StepReport, advance_step, no_report
 from lumped.parameters import is_traced
 
 
@@ -90,14 +90,8 @@ def _march(model: Model, state: State, stepper: Stepper, n_steps: int, recompute
     def one(carry, index):
         before, done, result, last = carry
         running = (result == RESULTS.successful) & (index < n_steps)
-
-        def proceed(_):
-            return advance_step(model, before, stepper)
-
-        def rest(_):
-            return before, last
-
-        after, report = jax.lax.cond(running, proceed, rest, None)
+        after, report = advance_step(model, before, stepper, running)
+        report = jax.tree.map(lambda new, old: jnp.where(running, new, old), report, last)
         good = running & (report.result == RESULTS.successful)
         kept = jax.tree.map(lambda new, old: jnp.where(good, new, old), after, before)
         result = RESULTS.where(running, report.result, result)
@@ -105,12 +99,11 @@ def _march(model: Model, state: State, stepper: Stepper, n_steps: int, recompute
         return (kept, done + good.astype(int), result, report), entry
 
     # One compiled step serves all: the last group is filled up with steps that do nothing.
-    inner = max(1, math.isqrt(n_steps))
+    inner = max(1, math.isqrt(n_steps) if recompute else n_steps)
     outer = -(-n_steps // inner)
     index = jnp.arange(outer * inner).reshape(outer, inner)
     zero = jnp.zeros((), int)
-    nothing = StepReport(RESULTS.successful, zero, zero, jnp.zeros(()), jnp.ones(()))
-    start = (state, zero, RESULTS.successful, nothing)
+    start = (state, zero, RESULTS.successful, no_report())
 
     def group(carry, indices):
         return jax.lax.scan(one, carry, indices)

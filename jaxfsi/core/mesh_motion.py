@@ -28,14 +28,17 @@ class MeshMotion(eqx.Module):
     Attributes:
         factor: of the weighted Laplacian on the nodes that move freely.
         free: these nodes.
-        shape: reference geometry of the fluid elements; the weight V/V is 1 and stands as `volume`.
-        tets: corners of the fluid elements.
+        shape: reference geometry of the fluid elements with a held node; the weight V/V is 1 and
+            stands as `volume`.
+        tets: corners of these elements.
+        volume: reference volumes of all fluid elements [cm³].
     """
 
     factor: NestedFactor
     free: Int[Array, " free"]
     shape: Geometry
-    tets: Int[Array, "4 tets"]
+    tets: Int[Array, "4 near"]
+    volume: Float[Array, " tets"]
 
 
 def mesh_motion(model: Model) -> MeshMotion:
@@ -44,11 +47,14 @@ def mesh_motion(model: Model) -> MeshMotion:
     shape = host_geometry(points, tets)
     matrix = assembled(tets, stiffness(shape, 1.0 / shape.volume), len(points))
     free = np.flatnonzero(~np.asarray(model.mesh_held))
+    near = np.flatnonzero(np.any(np.asarray(model.mesh_held)[tets], axis=1))
+    grad = np.moveaxis(shape.grad[near], 0, 2).swapaxes(0, 1)
     return MeshMotion(
         nested_factor(matrix[free][:, free], points=points[free]),
         jnp.asarray(free, jnp.int32),
-        Geometry(jnp.asarray(np.moveaxis(shape.grad, 0, 2).swapaxes(0, 1)), jnp.ones(len(tets))),
-        model.fluid_tets,
+        Geometry(jnp.asarray(grad), jnp.ones(len(near))),
+        jnp.asarray(tets[near].T, jnp.int32),
+        jnp.asarray(shape.volume),
     )
 
 
@@ -61,12 +67,11 @@ def mesh_displacement(
         motion: see `mesh_motion`.
         d_interface: displacement of the held nodes, 0 elsewhere [cm].
     """
-
-    def component(d: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
+    grad, n = motion.shape.grad, d_interface.shape[1]
+    residual = []
+    for d in d_interface:
         slope = gradient(corners(d, motion.tets), motion.shape)
-        grad = motion.shape.grad
         flux = tuple(added(grad[j, b] * slope[j] for j in range(3)) for b in range(4))
-        residual = scatter(flux, motion.tets, d.shape[0])[motion.free]
-        return d.at[motion.free].add(-nested_solve(motion.factor, residual))
-
-    return jax.vmap(component)(d_interface)
+        residual.append(scatter(flux, motion.tets, n)[motion.free])
+    moved = jax.vmap(lambda r: nested_solve(motion.factor, r))(jnp.stack(residual))
+    return d_interface.at[:, motion.free].add(-moved)

@@ -57,6 +57,7 @@ class Model(eqx.Module):
         ports: condition of each port.
         profiles: velocity of unit inflow at flow ports [1/cm²]; a field without entries elsewhere.
         port_faces: triangles of each port.
+        port_edges: unknowns of the edges opposite to their corners, where they bow; else None.
         outer_faces: triangles that the tissue outside supports.
         bowed: where blood touches edges of the wall that bow; None where there are none.
         names: of the ports (static).
@@ -77,6 +78,7 @@ class Model(eqx.Module):
     ports: tuple[Port, ...]
     profiles: tuple[Float[Array, "3 nodes"] | None, ...]
     port_faces: tuple[Int[Array, "3 _"], ...]
+    port_edges: tuple[Int[Array, "3 _"] | None, ...]
     outer_faces: Int[Array, "3 outer"]
     bowed: BowedInterface | None
     names: tuple[str, ...] = eqx.field(static=True)
@@ -175,6 +177,7 @@ def build_model(
         ports=tuple(ports.values()),
         profiles=tuple(profiles),
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
+        port_edges=tuple(_port_edges(mesh, name, element) for name in ports),
         outer_faces=jnp.asarray(outer.T, jnp.int32),
         bowed=_bowed(mesh, element) if len(fluid) else None,
         names=tuple(ports),
@@ -201,6 +204,15 @@ def _bowed(mesh: Mesh, element: AbstractWallElement) -> BowedInterface | None:
     faces = mesh.labelled(INTERFACE).T
     edges = edges_of_faces(element, faces)
     return BowedInterface(jnp.asarray(faces, jnp.int32), jnp.asarray(edges, jnp.int32))
+
+
+def _port_edges(
+    mesh: Mesh, name: str, element: AbstractWallElement
+) -> Int[Array, "3 faces"] | None:
+    """Edges that bow of a labelled surface; None at an opening of the blood."""
+    if name in mesh.openings or not isinstance(element, QuadraticElement):
+        return None
+    return jnp.asarray(edges_of_faces(element, mesh.labelled(name).T), jnp.int32)
 
 
 def _among(

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.elements import flux, geometry
+from jaxfsi.core.elements import flux
 from jaxfsi.core.equations import Step, Unknowns, begin_step, extrapolated
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
@@ -54,20 +54,51 @@ class StepReport(NamedTuple):
     least_volume: Float[Array, ""]
 
 
-@eqx.filter_custom_jvp
-def advance_step(model: Model, state: State, stepper: Stepper) -> tuple[State, StepReport]:
+def no_report() -> StepReport:
+    """What is reported of a step that was not asked for."""
+    zero = jnp.zeros((), int)
+    return StepReport(RESULTS.successful, zero, zero, jnp.zeros(()), jnp.ones(()))
+
+
+def advance_step(
+    model: Model, state: State, stepper: Stepper, wanted: Bool[Array, ""] | None = None
+) -> tuple[State, StepReport]:
     """Advance a state by one step.
 
     Derivatives are those of the new state with respect to model, state and dt. They take the
     solution from the step itself, so that reverse mode solves nothing twice: it keeps the states
     before and after, and computes again what lies between.
+
+    Args:
+        model: the model.
+        state: state at the start of the step.
+        stepper: see `prepare`.
+        wanted: where false, nothing is done; None: always. A condition round the whole step
+            would do the same, but in a loop reverse mode would then keep the factors of the stepper
+            once a step.
     """
+    return _advance(model, state, stepper, wanted)
+
+
+@eqx.filter_custom_jvp
+def _advance(
+    model: Model, state: State, stepper: Stepper, wanted: Bool[Array, ""] | None
+) -> tuple[State, StepReport]:
+    if wanted is None:
+        return _advanced(model, state, stepper)
+    return jax.lax.cond(
+        wanted, lambda: _advanced(model, state, stepper), lambda: (state, no_report())
+    )
+
+
+def _advanced(model: Model, state: State, stepper: Stepper) -> tuple[State, StepReport]:
     step = _begun(model, state, stepper)
     guess = extrapolated(state.t + stepper.dt, model, state)
     y, convergence = solve_step(guess, model, step, stepper)
     new = _updated(y, model, step, stepper.method)
-    shrunk = step.fluid_shape.volume / geometry(model.x, model.fluid_tets).volume
-    least = jnp.min(shrunk, initial=jnp.inf)
+    least = jnp.ones(())
+    if stepper.motion is not None:
+        least = jnp.min(step.fluid_shape.volume / stepper.motion.volume)
     finite = jnp.all(jnp.isfinite(y.u)) & jnp.all(jnp.isfinite(y.p))
     result = RESULTS.where(
         convergence.residual <= 10.0 * stepper.tolerance,
@@ -79,11 +110,11 @@ def advance_step(model: Model, state: State, stepper: Stepper) -> tuple[State, S
     return new, StepReport(result, *convergence, least)
 
 
-@advance_step.def_jvp
+@_advance.def_jvp
 def _(primals, tangents):
-    model, state, stepper = primals
-    model_change, state_change, stepper_change = tangents
-    new, report = advance_step(model, state, stepper)
+    model, state, stepper, wanted = primals
+    model_change, state_change, stepper_change, _ = tangents
+    new, report = _advance(model, state, stepper, wanted)
     y = Unknowns(new.u, new.p)
 
     @eqx.filter_checkpoint
@@ -95,6 +126,15 @@ def _(primals, tangents):
     _, change = eqx.filter_jvp(
         again, (model, state, stepper.dt), (model_change, state_change, stepper_change.dt)
     )
+    if wanted is not None:
+        change = jax.tree.map(
+            lambda new, old: (
+                new if new is None else jnp.where(wanted, new, 0.0 if old is None else old)
+            ),
+            change,
+            state_change,
+            is_leaf=lambda leaf: leaf is None,
+        )
     return (new, report), (change, jax.tree.map(lambda _: None, report))
 
 
@@ -106,16 +146,7 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
     dt, old = step.dt, step.state
     a = method.acceleration(dt, old.u, old.a, y.u)
     d = method.displacement(dt, old.d, old.u, old.a, a)
-    Q = jnp.array([flux(y.u, step.x, faces) for faces in model.port_faces], float)
-    blocks, P = [], []
-    for i, port in enumerate(model.ports):
-        if isinstance(port, BlockPort):
-            after = advance(old.t, dt, old.blocks[i], port.block, old.Q_port[i], Q[i])
-            blocks.append(after.x)
-            P.append(after.P)
-        else:
-            blocks.append(old.blocks[i])
-            P.append(_mean_pressure(y.p, step, model.port_faces[i]))
+    ports = at_ports(y, model, step)
     return State(
         old.t + dt,
         y.u,
@@ -126,10 +157,40 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         old.u,
         old.p,
         old.d,
-        tuple(blocks),
-        jnp.array(P, float),
-        Q,
+        ports.blocks,
+        ports.P,
+        ports.Q,
     )
+
+
+class AtPorts(NamedTuple):
+    """Ports at the end of a step.
+
+    Attributes:
+        blocks: states of the boundary blocks.
+        P: mean pressure of each port [dyn/cm²].
+        Q: flow out of each port [cm³/s].
+    """
+
+    blocks: tuple[Float[Array, " _"], ...]
+    P: Float[Array, " ports"]
+    Q: Float[Array, " ports"]
+
+
+def at_ports(y: Unknowns, model: Model, step: Step) -> AtPorts:
+    """Flows and pressures of the ports, and states of their blocks, of a solution of a step."""
+    old = step.state
+    Q = jnp.array([flux(y.u, step.x, faces) for faces in model.port_faces], float)
+    blocks, P = [], []
+    for i, port in enumerate(model.ports):
+        if isinstance(port, BlockPort):
+            after = advance(old.t, step.dt, old.blocks[i], port.block, old.Q_port[i], Q[i])
+            blocks.append(after.x)
+            P.append(after.P)
+        else:
+            blocks.append(old.blocks[i])
+            P.append(_mean_pressure(y.p, step, model.port_faces[i]))
+    return AtPorts(tuple(blocks), jnp.array(P, float), Q)
 
 
 def _mean_pressure(

@@ -6,10 +6,15 @@ import pytest
 
 from jaxfsi.core.bowed_interface import bowed_flux, bowed_load
 from jaxfsi.core.elements import area_vectors
+from jaxfsi.core.equations import Unknowns, begin_step, residual
+from jaxfsi.core.generalized_alpha import generalized_alpha
 from jaxfsi.core.materials import LinearElastic
 from jaxfsi.core.model import build_model
 from jaxfsi.core.ports import PressurePort
 from jaxfsi.core.solid import Wall
+from jaxfsi.core.state import initial_state
+from jaxfsi.core.statics import Loads, load_forces, pressure_load
+from jaxfsi.mesh import OUTER_WALL
 from jaxfsi.meshing import tube
 from lumped.waveforms import Constant
 
@@ -50,6 +55,26 @@ def test_linear_pressure_on_a_face_is_integrated_exactly(model):
                 total += float(value) * factor * area[face]
     found = jnp.sum(one * bowed_load(p, model.x, model.bowed))
     assert float(found) == pytest.approx(total, rel=1e-12, abs=1e-18)
+
+
+def test_port_on_the_outside_pushes_like_a_pressure_of_statics():
+    mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1)
+    ports = {name: PressurePort(Constant(0.0)) for name in mesh.openings}
+    method, dt, p = generalized_alpha(0.5), jnp.asarray(1e-3), 1e4
+    forces = []
+    for P in (0.0, p):
+        ports[OUTER_WALL] = PressurePort(Constant(P))
+        wall = Wall(LinearElastic(1e6, 0.3))
+        outside = build_model(mesh, ports, wall=wall, wall_element="quadratic")
+        state = initial_state(outside)
+        step = begin_step(dt, outside, state, method, None)
+        forces.append(residual(Unknowns(state.u, state.p), outside, step, method).u)
+    load = pressure_load(mesh, OUTER_WALL, p, outside)
+    expected = load_forces(Loads((load,)), jnp.zeros_like(outside.x), outside)
+    found = np.where(outside.held, 0.0, forces[0] - forces[1])
+    expected = np.where(outside.held, 0.0, expected)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.max(np.abs(expected)))
+    assert np.max(np.abs(found[:, outside.n_vertices :])) > 0.0
 
 
 def test_interface_without_bows_has_none(model):

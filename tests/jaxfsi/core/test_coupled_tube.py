@@ -116,6 +116,46 @@ def test_a_model_at_rest_stays_there(model, stepper):
     assert float(jnp.max(jnp.abs(end.state.u))) == 0.0
 
 
+def _stacked_bytes(jaxpr, length):
+    """Bytes a step that loops of a length keep of each step."""
+    kept = 0
+    for equation in jaxpr.eqns:
+        if equation.primitive.name == "scan" and equation.params["length"] == length:
+            stacked = equation.outvars[equation.params["num_carry"] :]
+            kept += sum(v.aval.size * v.aval.dtype.itemsize for v in stacked) // length
+        for inner in jax.core.jaxprs_in_params(equation.params):
+            kept += _stacked_bytes(inner, length)
+    return kept
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_reverse_mode_keeps_two_states_a_step_and_no_factors(model, stepper):
+    state, n_steps = initial_state(model), 7
+
+    def pressure(p):
+        return outlet_pressure(p, model, state, stepper, n_steps)
+
+    gradient = jax.make_jaxpr(jax.grad(pressure))(TubeParameters())
+    size = sum(leaf.nbytes for leaf in jax.tree.leaves(state))
+    factors = sum(leaf.nbytes for leaf in jax.tree.leaves(stepper))
+    assert factors > 10 * size
+    assert size < _stacked_bytes(gradient.jaxpr, n_steps) < 2 * size
+
+
+@pytest.mark.slow
+def test_recomputed_states_give_the_same_gradient(model, stepper):
+    state = initial_state(model)
+
+    def pressure(E, recompute):
+        tube = with_parameters(model, TubeParameters(E=E))
+        end = march(tube, state, stepper, N_STEPS, throw=False, recompute=recompute)
+        return jnp.mean(end.history.P_port[:, 1])
+
+    slope = jax.jit(jax.grad(pressure), static_argnums=1)
+    # the same operations in another program
+    np.testing.assert_allclose(slope(1.5e6, True), slope(1.5e6, False), rtol=1e-7)
+
+
 @pytest.mark.slow
 def test_jit_equals_eager(model, stepper):
     state = initial_state(model)

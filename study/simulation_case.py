@@ -10,14 +10,16 @@
 Under stress the rule of the case changes all blocks. Each starts from the periodic state that it
 has in 0D behind the aortic pressure (the anomalous one behind the surrogate of its artery), so that
 no cycles are lost on filling it; the blood starts at rest under the pressure of the inlet. The wall
-carries the diastolic pressure in the shape of the image, against no pressure outside, by prestress;
-a case can have it free of stress there instead, with the diastolic pressure outside.
+carries the diastolic pressure at rest (that of the condition, where the case has no rest) in the
+shape of the image, against no pressure outside, by prestress; a case can have it free of stress
+there instead, with that pressure outside.
 
 Source: Puelz et al. 2024, section 2.3.
 """
 
 import dataclasses
 import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -41,6 +43,7 @@ from lumped import (
     Coronary,
     PressureSource,
     Propagator,
+    Shooting,
     StressRule,
     Surrogate,
     VentricularPressure,
@@ -75,6 +78,10 @@ MATERIALS = {
 
 LARGEST_NU = 0.499
 """Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
+
+
+Keep = Callable[[float, Callable[[], np.ndarray]], np.ndarray]
+"""Gives the prestress at a pressure [dyn/cm²]: one that it kept, or what the function finds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -215,6 +222,7 @@ def prepare_simulation(
     *,
     rigid: bool = False,
     alpha: float | None = None,
+    keep: Keep | None = None,
 ) -> Setup:
     """Put model and start of a run together.
 
@@ -225,6 +233,7 @@ def prepare_simulation(
         schedule: see `plan_steps`.
         rigid: leave the wall out.
         alpha: scale of the anomalous outlet; None: as calibrated, 1 where that is not possible.
+        keep: see `case_model`.
 
     Raises:
         CaseError: the case cannot be calibrated.
@@ -239,27 +248,62 @@ def prepare_simulation(
     for name in mesh.openings:
         block = outlets.blocks.get(name)
         ports[name] = PressurePort(inlet) if block is None else BlockPort(block)
-    loaded = not rigid and case.wall.prestress == "diastole"
-    if loaded:
-        ports[OUTER_WALL] = PressurePort(Constant(0.0))
-    model = build_model(
-        mesh,
-        ports,
-        blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
-        wall=None
-        if rigid
-        else Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s),
-        P_ambient=entry.P_diastolic,
-    )
-    if loaded:
-        # from the ambient pressure the lumen is free of load, and the outside is pulled
-        outside = pressure_load(mesh, OUTER_WALL, -entry.P_diastolic, model)
-        model = prestressed(model, Loads((outside,)), static_factor(model)).model
+    image = case.conditions.get("rest", entry)
+    model = case_model(case, mesh, ports, image.P_diastolic, rigid=rigid, keep=keep)
     starts = tuple(
-        jnp.asarray(outlets.starts[name]) if name in outlets.starts else None for name in ports
+        jnp.asarray(outlets.starts[name]) if name in outlets.starts else None
+        for name in model.names
     )
     state = initial_state(model, p=inlet(0.0), blocks=starts)
     return Setup(mesh, model, state, inlet, outlets, schedule)
+
+
+def case_model(
+    case: Case,
+    mesh: Mesh,
+    ports: Mapping[str, Port],
+    P_image: float,
+    *,
+    rigid: bool = False,
+    keep: Keep | None = None,
+) -> Model:
+    """The model of a case with given ports, its wall prestressed as the case says.
+
+    Args:
+        case: the case.
+        mesh: its mesh; blood alone where the wall is rigid.
+        ports: condition of every opening.
+        P_image: pressure of the blood in the image [dyn/cm²].
+        rigid: whether the mesh has no wall.
+        keep: hands a prestress out again that was found before, see `Keep`.
+
+    Raises:
+        RuntimeError: no prestress was found.
+    """
+    loaded = not rigid and case.wall.prestress == "diastole"
+    outside = {OUTER_WALL: PressurePort(Constant(0.0))} if loaded else {}
+    wall = None
+    if not rigid:
+        wall = Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s)
+    model = build_model(
+        mesh,
+        {**ports, **outside},
+        blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
+        wall=wall,
+        P_ambient=P_image,
+    )
+    if not loaded:
+        return model
+
+    def found() -> np.ndarray:
+        # from the ambient pressure the lumen is free of load, and the outside is pulled
+        pull = pressure_load(mesh, OUTER_WALL, -P_image, model)
+        return np.asarray(prestressed(model, Loads((pull,)), static_factor(model)).model.prestress)
+
+    stress = found() if keep is None else keep(P_image, found)
+    return eqx.tree_at(
+        lambda m: m.prestress, model, jnp.asarray(stress), is_leaf=lambda leaf: leaf is None
+    )
 
 
 def _aortic_pressure(entry: Condition) -> AbstractWaveform:
@@ -285,7 +329,7 @@ def _outlets(
     rule = None if entry.kind == "rest" else stress_rules(case)[case.stress.rule]
     patient = _patient(case)
     alpha, origin = _alpha(patient, alpha)
-    R0 = 0.0 if patient is None else float(patient.model.surrogate.R0)
+    own = None if patient is None else patient.model.surrogate
     blocks: dict[str, RCR | Coronary] = {OUTLET: _windkessel(case, condition, rule)}
     starts = {OUTLET: _start(inlet, entry.period, blocks[OUTLET])}
     for name in mesh.openings:
@@ -293,8 +337,8 @@ def _outlets(
             continue
         scale = alpha if name.startswith(ANOMALOUS) else 1.0
         block = blocks[name] = _coronary(case, entry, rule, scale)
-        if name.startswith(ANOMALOUS) and R0 > 0.0:
-            before = Surrogate(R0=R0, C0=case.surrogate.C0, coronary=block)
+        if name.startswith(ANOMALOUS) and own is not None:
+            before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=block)
             starts[name] = _states(before.network(condition_of(entry), inlet=inlet), entry.period)
         else:
             starts[name] = _start(inlet, entry.period, block)
@@ -356,6 +400,7 @@ def _start(inlet: AbstractWaveform, period: float, block: RCR | Coronary) -> np.
 
 
 def _states(network: Network, period: float) -> np.ndarray:
-    solution = solve_periodic(network, period, Propagator())
+    solver = Propagator() if network.is_linear else Shooting()
+    solution = solve_periodic(network, period, solver)
     names = network["coronary"].state_names
     return np.array([float(solution.state("coronary", name)[0]) for name in names])

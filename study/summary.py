@@ -16,6 +16,7 @@ def summary(document: Document) -> str:
         "sweep": _sweep,
         "mesh": _mesh,
         "simulate": _simulation,
+        "study": _study,
     }[document["kind"]]
     return "\n".join(lines(document)) + "\n"
 
@@ -133,3 +134,28 @@ def _simulation(document: Document) -> Iterator[str]:
     for note in document["notes"]:
         yield ""
         yield f"{'! ' if note['level'] == 'warning' else ''}{note['text']}"
+
+
+def _study(document: Document) -> Iterator[str]:
+    yield f"{document['patient']}"
+    yield ""
+    yield document["verdict"]
+    yield ""
+    yield f"{'condition':<14}{'rule':<10}{'measured':>9}{'linear 0D':>11}{'curve 0D':>10}{'3D':>9}"
+    for row in document["rows"]:
+        cells = (row["measured"], row["linear_0d"], row["curve_0d"], row["fsi"])
+        text = ["-" if value is None else f"{value:.4f}" for value in cells]
+        yield (
+            f"{row['condition'][:13]:<14}{row['rule'] or '-':<10}"
+            f"{text[0]:>9}{text[1]:>11}{text[2]:>10}{text[3]:>9}"
+        )
+    yield ""
+    for entry in document["calibrations"]:
+        yield (
+            f"alpha = {entry['alpha']:<10.5g} {entry['origin']}: resting Pd/Pa in 3D"
+            f" {entry['rest_ratio']:.4f} ({signed(entry['error'], 4)})"
+        )
+    for note in document["notes"]:
+        if note["level"] == "warning":
+            yield ""
+            yield f"! {note['text']}"

@@ -107,6 +107,20 @@ pictures, stages/ and the fields of every run below runs/. Given again, the comm
 was ended; what does not follow from a changed input is not computed again.
 """,
     ),
+    "cohort": (
+        "many cases side by side, and how predicted and measured ratios agree",
+        """\
+examples:
+  jaxfsi cohort patients/                        in 0D, with the curve of each artery
+  jaxfsi cohort patients/ --mode 3d --workers 2 -- --preset coarse --nominal --rules printed,all
+  jaxfsi cohort --demo --out results             the ten virtual children that come with the package
+
+DIR holds NAME/case.toml or NAME.toml for each patient. What stands behind -- goes to the command of
+each case (run in mode curve, study in mode 3d). Each runs in a process of its own; one that fails
+does not stop the others. Given again, the command goes on with those that are not finished. Writes
+cohort.html, cohort.json and a folder with the report of each case.
+""",
+    ),
     "show": (
         "print a stored result; with --out, write its report again",
         """\
@@ -158,6 +172,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         what = parsers[name].add_mutually_exclusive_group(required=True)
         what.add_argument("case", nargs="?", type=pathlib.Path, help="case file", metavar="CASE")
         what.add_argument("--demo", action="store_true", help="use the bundled patient")
+    _cohort_arguments(parsers["cohort"])
     sweep = parsers["sweep"]
     sweep.add_argument("--alpha", type=alpha_range, required=True, metavar="FROM:TO:N")
     sweep.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
@@ -175,7 +190,14 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
             where += " (default: CASE-results beside the case; ./results for --demo)"
         command.add_argument("--out", type=pathlib.Path, metavar="DIR", help=where)
         command.add_argument("--json", action="store_true", help="print one JSON object, only")
-    return parser.parse_args(list(argv))
+    given = list(argv)
+    rest: list[str] | None = None
+    if "--" in given and given[:1] == ["cohort"]:
+        at = given.index("--")
+        given, rest = given[:at], given[at + 1 :]
+    options = parser.parse_args(given)
+    options.options = rest
+    return options
 
 
 def _mesh_arguments(command: argparse.ArgumentParser) -> None:
@@ -241,6 +263,18 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
         "--quick",
         action="store_true",
         help="coarse mesh, steps of 2 ms, a ramp of 150 mmHg/s, dobutamine alone",
+    )
+
+
+def _cohort_arguments(command: argparse.ArgumentParser) -> None:
+    what = command.add_mutually_exclusive_group(required=True)
+    what.add_argument("folder", nargs="?", type=pathlib.Path, help="folder of cases", metavar="DIR")
+    what.add_argument("--demo", action="store_true", help="use the bundled virtual cohort")
+    command.add_argument(
+        "--mode", choices=("curve", "3d"), default="curve", help="0D or 3D; default: curve"
+    )
+    command.add_argument(
+        "--workers", type=_count(1, 1024), metavar="N", help="cases at a time; default: one a core"
     )
 
 

@@ -19,7 +19,8 @@ from study.arguments import parse
 from study.cache import use_cache
 from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
-from study.demo import demo_case_path
+from study.cohort_command import cohort_command, cohort_report
+from study.demo import demo_case_path, demo_cohort_path
 from study.faults import CaseError, Fault
 from study.mesh_case import (
     chosen_states,
@@ -36,6 +37,7 @@ from study.progress import Progress
 from study.provenance import provenance
 from study.report import html_report, simulation_report
 from study.results import (
+    COHORT_PAGE,
     MESH_FILE,
     PAGE_FILE,
     REPORT_FILE,
@@ -237,6 +239,16 @@ def _study(options: argparse.Namespace) -> None:
     _show(options, document, written)
 
 
+def _cohort(options: argparse.Namespace) -> None:
+    if options.demo:
+        options.folder = demo_cohort_path()
+    beside = pathlib.Path(f"{options.folder.name}-results")
+    fallback = pathlib.Path("results") if options.demo else options.folder.parent / beside
+    folder = check_folder(options.out or fallback)
+    document, written = cohort_command(options, folder)
+    _show(options, document, written)
+
+
 def _calibrate(options: argparse.Namespace) -> None:
     case, folder = _open(options)
     with Progress() as progress:
@@ -275,6 +287,7 @@ def _show_result(options: argparse.Namespace) -> None:
     written = []
     if options.out is not None:
         names = {"mesh": PAGE_FILE, "simulate": SIMULATION_PAGE, "study": STUDY_PAGE}
+        names["cohort"] = COHORT_PAGE
         name = names.get(document["kind"], REPORT_FILE)
         written = write_files(check_folder(options.out), {name: page})
     _show(options, document, written)
@@ -283,6 +296,8 @@ def _show_result(options: argparse.Namespace) -> None:
 def _page(result: pathlib.Path, document: Document) -> str:
     """The report of a stored result."""
     folder = result if result.is_dir() else result.parent
+    if document["kind"] == "cohort":
+        return cohort_report(document)
     if document["kind"] == "study":
         return stored_study_report(folder, document)
     if document["kind"] == "simulate":
@@ -316,6 +331,7 @@ _COMMANDS = {
     "mesh": _mesh,
     "simulate": _simulate,
     "study": _study,
+    "cohort": _cohort,
     "calibrate": _calibrate,
     "sweep": _sweep,
     "show": _show_result,

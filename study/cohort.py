@@ -27,7 +27,17 @@ Mode = Literal["curve", "3d"]
 MODES: tuple[Mode, ...] = ("curve", "3d")
 
 STATUS_FILE, LOG_FILE = "status.json", "log.txt"
-_PROGRAM = "import sys; from study.cli import main; sys.exit(main(sys.argv[1:]))"
+CORE = "JAXFSI_CORE"
+"""Environment variable that tells a child on which core to run."""
+
+_PROGRAM = f"""
+import os, sys
+core = os.environ.get("{CORE}", "")
+if core and hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, {{int(core)}})
+from study.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
 _LOOK_SECONDS = 0.5
 
 
@@ -113,7 +123,8 @@ def run_cohort(
     Raises:
         KeyboardInterrupt: the user interrupted; what runs is ended and can be resumed.
     """
-    workers = max(1, workers or len(os.sched_getaffinity(0)))
+    cores = _cores()
+    workers = max(1, workers or len(cores))
     fates: dict[str, Fate] = {}
     waiting: list[Member] = []
     for member in members:
@@ -123,7 +134,6 @@ def run_cohort(
         else:
             fates[member.name] = known
     running: dict[str, tuple[Member, subprocess.Popen[bytes], float, int]] = {}
-    cores = sorted(os.sched_getaffinity(0))
     begun, done = time.monotonic(), 0
     try:
         while waiting or running:
@@ -159,24 +169,27 @@ def run_cohort(
     return [fates[member.name] for member in members]
 
 
+def _cores() -> list[int]:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
 def _started(
     member: Member, mode: Mode, extra: Sequence[str], core: int | None
 ) -> subprocess.Popen[bytes]:
     member.folder.mkdir(parents=True, exist_ok=True)
     command = "study" if mode == "3d" else "run"
     arguments = [command, str(member.path), "--out", str(member.folder), *extra]
-
-    def pinned() -> None:  # one core each: what runs beside it is another case
-        if core is not None:
-            os.sched_setaffinity(0, {core})
-
+    alone = {} if core is None else {CORE: str(core)}  # beside it runs another case
     with (member.folder / LOG_FILE).open("wb") as log:
         return subprocess.Popen(
             [sys.executable, "-c", _PROGRAM, *arguments],
             stdout=log,
             stderr=subprocess.STDOUT,
             stdin=subprocess.DEVNULL,
-            preexec_fn=pinned,
+            env={**os.environ, **alone},
             start_new_session=True,
         )
 

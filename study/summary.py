@@ -17,6 +17,7 @@ def summary(document: Document) -> str:
         "mesh": _mesh,
         "simulate": _simulation,
         "study": _study,
+        "cohort": _cohort,
     }[document["kind"]]
     return "\n".join(lines(document)) + "\n"
 
@@ -159,3 +160,19 @@ def _study(document: Document) -> Iterator[str]:
         if note["level"] == "warning":
             yield ""
             yield f"! {note['text']}"
+
+
+def _cohort(document: Document) -> Iterator[str]:
+    done = [p for p in document["patients"] if p["status"] == 0]
+    yield f"{len(done)} of {len(document['patients'])} cases, mode {document['mode']}"
+    yield ""
+    yield f"{'condition':<14}{'rule':<10}{'outlet':<12}{'n':>4}{'bias':>9}{'sd':>8}{'RMSE':>8}"
+    for group in document["groups"]:
+        sd = "-" if group["sd"] is None else f"{group['sd']:.4f}"
+        yield (
+            f"{group['condition'][:13]:<14}{group['rule'] or '-':<10}{group['boundary']:<12}"
+            f"{group['n']:>4}{signed(group['bias'], 4):>9}{sd:>8}{group['rmse']:>8.4f}"
+        )
+    for patient in document["patients"]:
+        if patient["status"] != 0:
+            yield f"! {patient['name']}: {patient['reason']}"

@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import numpy as np
+import jax.numpy as jnp
 
 from calibration.alpha import calibrate_alpha
 from lumped import Condition, Propagator, Shooting, Surrogate, pressure_ratio, solve_periodic
@@ -67,7 +67,7 @@ class LoopFit(NamedTuple):
 
 def surrogate_ratio(surrogate: Surrogate, condition: Condition, alpha: float) -> float:
     """Resting ratio of a surrogate with a scale factor [-]."""
-    tuned = eqx.tree_at(lambda s: s.alpha, surrogate, np.asarray(alpha, float))
+    tuned = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.asarray(alpha, float))
     solver = Propagator() if surrogate.K is None else Shooting()
     return float(pressure_ratio(solve_periodic(tuned.network(condition), condition.period, solver)))
 

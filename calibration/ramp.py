@@ -115,8 +115,8 @@ def fit_ramp(
 ) -> RampFit:
     """Fit the curve of one ramp, or of several with the dependence on transmural pressure.
 
-    Differentiable in the records. Where a or b would be negative, which no artery has, it is set to
-    zero and the other fitted again.
+    Differentiable in pressures and flow; times must be concrete. Where a or b would be negative,
+    which no artery has, it is set to zero and the other fitted again.
 
     Args:
         records: one ramp, or ramps at different pressures of the artery.
@@ -202,7 +202,7 @@ def _least_squares(
     """Coefficients of the columns used, zero for others, and (XᵀX)⁻¹ with zeros for those."""
     scale = jnp.sqrt(jnp.sum(X**2, axis=0))
     scale = jnp.where(scale > 0.0, scale, 1.0)
-    A = X / scale * used
+    A = X / scale[None, :] * used[None, :]
     normal = A.T @ A + jnp.diag(1.0 - used)
     inverse = jnp.linalg.inv(normal) * used[:, None] * used[None, :]
-    return (inverse @ (A.T @ y)) / scale, inverse / scale[:, None] / scale[None, :]
+    return (inverse @ (A.T @ y)) / scale, inverse / (scale[:, None] * scale[None, :])

@@ -63,7 +63,7 @@ def agreement(predicted: Sequence[float], measured: Sequence[float]) -> Agreemen
     bias, rmse = float(e.mean()), math.sqrt(float(np.mean(e**2)))
     sd = float(e.std(ddof=1)) if n > 1 else math.nan
     t = float(scipy.stats.t.ppf(0.975, n - 1)) if n > 1 else math.nan
-    alike = n < 2 or p.std() == 0.0 or m.std() == 0.0
+    alike = n < 2 or np.ptp(p) == 0.0 or np.ptp(m) == 0.0
     r = math.nan if alike else float(np.corrcoef(p, m)[0, 1])
     return Agreement(
         n,

@@ -257,6 +257,11 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--nominal", action="store_true", help="also run with alpha = 1")
     command.add_argument(
+        "--paper",
+        action=argparse.BooleanOptionalAction,
+        help="also run rest with the alpha of the linear surrogate; default: unless --quick",
+    )
+    command.add_argument(
         "--ramp-rate", type=_positive(1e4), metavar="R", help="mmHg/s; default: 37.5, the paper's"
     )
     command.add_argument(

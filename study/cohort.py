@@ -106,6 +106,7 @@ def run_cohort(
     *,
     extra: Sequence[str] = (),
     workers: int | None = None,
+    expected: float = 60.0,
     tell: Callable[[str, float, float], None] | None = None,
 ) -> list[Fate]:
     """Run all cases that are not finished, some at a time.
@@ -115,6 +116,7 @@ def run_cohort(
         mode: `curve` in 0D, `3d` the whole algorithm.
         extra: further options of the command of each case.
         workers: cases at a time; None: one a core.
+        expected: seconds that a case usually takes.
         tell: told of what is at work, the share done and the seconds left.
 
     Returns:
@@ -153,9 +155,10 @@ def run_cohort(
                 fates[name] = _ended(member, mode, extra, process.returncode, start)
             if tell is not None:
                 left = len(waiting) + len(running)
-                pace = (time.monotonic() - begun) / done if done else 0.0
+                spent = time.monotonic() - begun
+                pace = spent / done if done else expected / workers
                 text = f"{len(fates)} of {len(members)} cases done; at work: {', '.join(running)}"
-                tell(text, len(fates) / len(members), pace * left)
+                tell(text, len(fates) / len(members), _left(pace, left, spent, done))
     except BaseException:
         for _, process, _, _ in running.values():
             with contextlib.suppress(ProcessLookupError):
@@ -167,6 +170,11 @@ def run_cohort(
                 process.kill()
         raise
     return [fates[member.name] for member in members]
+
+
+def _left(pace: float, cases: int, spent: float, done: int) -> float:
+    """Seconds left: those of the cases, less what has passed since the last one ended."""
+    return max(pace * cases - (spent - pace * done), 0.2 * pace)
 
 
 def _cores() -> list[int]:
@@ -181,7 +189,7 @@ def _started(
 ) -> subprocess.Popen[bytes]:
     member.folder.mkdir(parents=True, exist_ok=True)
     command = "study" if mode == "3d" else "run"
-    arguments = [command, str(member.path), "--out", str(member.folder), *extra]
+    arguments = [command, str(member.path), *extra, "--out", str(member.folder)]
     alone = {} if core is None else {CORE: str(core)}  # beside it runs another case
     with (member.folder / LOG_FILE).open("wb") as log:
         return subprocess.Popen(

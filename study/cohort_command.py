@@ -50,6 +50,7 @@ def cohort_command(
             options.mode,
             extra=extra,
             workers=options.workers,
+            expected=_SECONDS[options.mode],
             tell=lambda text, _, left: progress.tell(text, left),
         )
         progress.step("writing the report")

@@ -62,5 +62,5 @@ def study_choice(case: Case, options: argparse.Namespace) -> StudyChoice:
         ramp=RampChoice(rate=rate),
         rules=options.rules,
         nominal=options.nominal,
-        paper=not options.quick,
+        paper=not options.quick if options.paper is None else options.paper,
     )

@@ -26,6 +26,7 @@ from calibration import (
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import read_series
 from study.anatomy_source import case_anatomy, states_of
+from study.aortic_site import aortic_site
 from study.case import Case, SurrogateParameters, require
 from study.case_anatomy import MeshAnatomy
 from study.faults import CaseError, Fault
@@ -141,7 +142,8 @@ def run_study(
     mesh = mesh_state(case, state, progress).mesh
     check_openings(case, mesh, rigid=False)
     anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
-    bench = Bench(case, mesh, mesh_key(case, state), folder, choice.run, progress)
+    site = aortic_site(mesh, anatomy)
+    bench = Bench(case, mesh, mesh_key(case, state), folder, choice.run, progress, site)
     progress.step(RAMP)
     record = ramp_record(bench, choice.ramp)
     fit = fitted(record, choice.ramp)

@@ -24,6 +24,7 @@ def study_figures(document: Document) -> dict[str, str]:
         "calibration": calibration(document),
         "waveforms": waveforms(document),
         "motion": motion(document),
+        "deformation": deformation(document),
         "sensitivities": sensitivities(document),
     }
     return {name: text for name, text in drawn.items() if text}
@@ -119,9 +120,11 @@ def waveforms(document: Document) -> str:
         for k, run in enumerate(runs):
             wave = run["history"]
             t = start + np.array(wave["t_s"])
-            pressure.plot(
-                t, wave["P_aorta_mmHg"], color=COLOURS[0], label="aorta" if k == 0 else None
-            )
+            if "t_site_s" in wave:
+                aorta = (start + np.array(wave["t_site_s"]), wave["P_site_mmHg"])
+            else:
+                aorta = (t, wave["P_aorta_mmHg"])
+            pressure.plot(*aorta, color=COLOURS[0], label="aorta" if k == 0 else None)
             pressure.plot(
                 t,
                 wave["P_distal_mmHg"],
@@ -213,6 +216,48 @@ def _profile(
         axes.plot(
             s[order], _array([part[key]])[0][order], color=INK, linestyle=(0, (4, 2)), linewidth=1.0
         )
+
+
+_STATES = {"rest": "rest", "stress": "dobutamine"}
+"""Condition of a study by the condition in the name of a state of contours."""
+
+
+def deformation(document: Document) -> str:
+    """Lumen in the 3D model over the cycle beside contours measured in diastole and systole."""
+    states = document["measured_states"]
+    by_condition = {run["condition"]: run["folder"].split("/")[-1] for run in _shown(document)}
+    columns = [
+        name
+        for name in dict.fromkeys(state.split("_")[0] for state in states)
+        if by_condition.get(_STATES.get(name, name)) in document["motion"]
+    ]
+    if len(states) < 2 or not columns:
+        return ""
+    with rc_context(STYLE):
+        figure = Figure(figsize=(4.7 * len(columns), 5.8), layout="constrained")
+        grid = figure.subplots(2, len(columns), sharex=True, sharey="row", squeeze=False)
+        for k, name in enumerate(columns):
+            condition = _STATES.get(name, name)
+            part = document["motion"][by_condition[condition]]
+            for axes, key in zip(grid[:, k], ("area_mm2", "minor_mm"), strict=True):
+                _profile(
+                    axes, part, _array(part[key]), COLOURS[0], "3D, over the cycle",
+                    image=True, what=key,
+                )  # fmt: skip
+                for phase, colour in (("diastole", GREY), ("systole", RED)):
+                    state = states.get(f"{name}_{phase}")
+                    if state is not None:
+                        axes.plot(
+                            state["s_mm"], state[key], color=colour, linewidth=1.4,
+                            marker="o", markersize=3, label=f"measured, {phase}",
+                        )  # fmt: skip
+            grid[0, k].set_title(condition)
+            grid[1, k].set_xlabel("distance from the ostium [mm]")
+        grid[0, 0].set_ylabel("lumen area [mm²]")
+        grid[1, 0].set_ylabel("minor axis [mm]")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+        return svg(figure, "deformation")
 
 
 def _array(rows: Sequence[Sequence[float | None]]) -> np.ndarray:

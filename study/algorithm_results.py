@@ -5,6 +5,7 @@ from typing import Any
 
 from study.algorithm import CURVE, LOOP, NOMINAL, PAPER, StudyResult, shown_runs
 from study.findings import FFR_THRESHOLD
+from study.lumen_motion import measured_states
 from study.patient import LINEAR, QUADRATIC
 from study.pipeline import CALIBRATED, FIXED
 from study.ramp_run import ramp_part
@@ -61,6 +62,7 @@ def study_document(
         "runs": result.runs,
         "shown": [run["folder"].split("/")[-1] for run in shown_runs(result)],
         "motion": result.motion,
+        "measured_states": measured_states(case),
         "sensitivities": list(_sensitivities(result)),
         "mesh": {
             "nodes": len(result.bench.mesh.points),

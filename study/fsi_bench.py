@@ -13,8 +13,10 @@ import numpy as np
 from jaxfsi import Mesh
 from jaxfsi.core.ports import BlockPort
 from jaxfsi.core.state import State
+from jaxfsi.fields import read_series
 from jaxfsi.simulation import Record
 from lumped import ML_PER_MIN, MMHG
+from study.aortic_site import cycle_offsets, site_pressures
 from study.case import Case
 from study.progress import Progress
 from study.simulation_case import (
@@ -24,8 +26,9 @@ from study.simulation_case import (
     plan_steps,
     prepare_simulation,
 )
+from study.simulation_pictures import inlet_of
 from study.simulation_results import cycle_means
-from study.simulation_run import Outcome, clear_run, run_simulation
+from study.simulation_run import FIELD_FOLDER, Outcome, clear_run, run_simulation
 from study.stages import Stages, stage_key
 
 RUN_FOLDER = "runs"
@@ -80,6 +83,7 @@ class Bench:
         folder: of the study.
         choice: how runs are made.
         progress: told of each.
+        site: nodes where the aortic pressure is read, see `study.aortic_site`; None: at the inlet.
     """
 
     case: Case
@@ -88,6 +92,7 @@ class Bench:
     folder: pathlib.Path
     choice: RunChoice
     progress: Progress
+    site: np.ndarray | None = None
 
     @property
     def stages(self) -> Stages:
@@ -160,16 +165,17 @@ def fsi_run(bench: Bench, name: RunName, *, before: RunName | None = None) -> di
         setup = _setup(bench, name)
         if before is not None:
             setup = dataclasses.replace(setup, state=_continued(bench, before, setup))
-        return run_part(setup, finished_run(bench, name.folder, key, setup), name)
+        return run_part(bench, setup, finished_run(bench, name.folder, key, setup), name)
 
-    return bench.stages.value(f"run-{name.folder}", key, compute)
+    site = None if bench.site is None else bench.site.tolist()
+    return bench.stages.value(f"run-{name.folder}", stage_key(key, "site", site), compute)
 
 
 def _setup(bench: Bench, name: RunName) -> Setup:
     case = bench.case
     if name.rule is not None:
         case = dataclasses.replace(case, stress=dataclasses.replace(case.stress, rule=name.rule))
-    plan = plan_steps(case, name.condition, dt=bench.choice.dt, cycles=bench.choice.cycles)
+    plan = plan_steps(case, name.condition, dt=bench.choice.dt, cycles=float(bench.choice.cycles))
     return prepare_simulation(
         case, bench.mesh, name.condition, plan, alpha=name.alpha, keep=bench.keep
     )
@@ -215,10 +221,11 @@ def _continued(bench: Bench, before: RunName, setup: Setup) -> State:
     return end._replace(t=start.t, blocks=tuple(blocks))
 
 
-def run_part(setup: Setup, outcome: Outcome, name: RunName) -> dict[str, Any]:
+def run_part(bench: Bench, setup: Setup, outcome: Outcome, name: RunName) -> dict[str, Any]:
     """What the document holds of a run."""
     record, names, plan = outcome.record, setup.model.names, setup.schedule
     cycles = cycle_means(record, names, plan.period)
+    site = _at_site(bench, name, record, plan.period, cycles)
     whole = [cycle for cycle in cycles if cycle["complete"]]
     ratios = [cycle["ratio"] for cycle in whole]
     distal = next(n for n in names if n.startswith(ANOMALOUS))
@@ -236,8 +243,28 @@ def run_part(setup: Setup, outcome: Outcome, name: RunName) -> dict[str, Any]:
         "mean_iterations": float(record.n_linear.mean()),
         "least_volume": float(record.least_volume.min()),
         "folder": f"{RUN_FOLDER}/{name.folder}",
-        "history": history(record, names, distal),
+        "history": {**history(record, names, distal), **site},
     }
+
+
+def _at_site(
+    bench: Bench, name: RunName, record: Record, period: float, cycles: list[dict[str, Any]]
+) -> dict[str, list[float]]:
+    """Take the ratio of each cycle to the aortic pressure at the site; gives its waveform."""
+    folder = bench.run_folder(name.folder) / FIELD_FOLDER
+    entries = [e for e in read_series(folder / "fields.pvd") if e.t > 0.0]
+    if bench.site is None or not entries:
+        return {}
+    t = np.array([e.t for e in entries])
+    P = site_pressures(folder, entries, bench.site)
+    offsets = cycle_offsets(t, P - np.interp(t, *inlet_of(record)), period, len(cycles))
+    for cycle, offset in zip(cycles, offsets, strict=True):
+        inlet = cycle["ports"][INLET]["mean_P_mmHg"]
+        cycle["site_offset_mmHg"] = offset
+        cycle["ratio_to_inlet"] = cycle["ratio"]
+        if cycle["ratio"] is not None:
+            cycle["ratio"] = cycle["ratio"] * inlet / (inlet + offset)
+    return {"t_site_s": [float(v) for v in t], "P_site_mmHg": [float(f"{v:.7g}") for v in P]}
 
 
 def block_drift(setup: Setup, end: State | None) -> float | None:

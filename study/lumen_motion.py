@@ -11,13 +11,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxfsi import Mesh
+from jaxfsi import Mesh, read_ivus_contours
 from jaxfsi.anatomy import Anatomy, centerline_point
 from jaxfsi.anatomy.sections import surface_section
 from jaxfsi.fields import Entry
 from jaxfsi.mesh import INTERFACE, Region
 from jaxfsi.mesh_files.vtk_xml import open_vtk_xml, read_array
 from lumped import MM
+from study.case import Case
+from study.case_anatomy import IvusAnatomy
+from study.faults import CaseError, Fault
 
 VESSEL = "anomalous"
 _PLACES = 16
@@ -157,3 +160,28 @@ def _around(mesh: Mesh, planes: Planes) -> np.ndarray:
 
 def _numbers(values: np.ndarray) -> list[float | None]:
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
+
+
+def measured_states(case: Case) -> dict[str, dict[str, Any]]:
+    """Area and minor axis along the artery of every state that the case has contours of.
+
+    Empty where the anatomy is no ultrasound record.
+
+    Raises:
+        CaseError: contours cannot be read.
+    """
+    if not isinstance(case.anatomy, IvusAnatomy):
+        return {}
+    found = {}
+    for name, state in case.anatomy.states.items():
+        try:
+            lumen = read_ivus_contours(state.contours, frame_table=state.frame_table)
+        except ValueError as error:
+            problem = str(error).removeprefix(f"{state.contours}: ")
+            raise CaseError([Fault(state.contours, "", None, problem, "", "correct it")]) from error
+        found[name] = {
+            "s_mm": _numbers(np.asarray(lumen.s) / MM),
+            "area_mm2": _numbers(np.asarray(lumen.area) / _MM2),
+            "minor_mm": _numbers(np.asarray(lumen.calipers.minor) / MM),
+        }
+    return found

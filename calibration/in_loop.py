@@ -78,21 +78,21 @@ def next_alpha(
     """Scale factor to try next.
 
     Args:
-        trials: runs so far, at least one.
+        trials: runs so far; those whose ratio is not between 0 and 1 say nothing.
         target: measured resting ratio [-].
         surrogate: R0, and K where the curve is known; its own alpha is not used.
         condition: the resting condition.
 
     Raises:
-        ValueError: a ratio is not between 0 and 1, or no scale factor reaches the target.
+        ValueError: no run has a ratio between 0 and 1, or no scale factor reaches the target.
     """
-    bad = [trial.ratio for trial in trials if not 0.0 < trial.ratio < 1.0]
-    if bad or not trials:
+    usable = [trial for trial in trials if 0.0 < trial.ratio < 1.0]
+    if not usable:
         raise ValueError(
-            f"Runs gave the resting ratios {bad}, not between 0 and 1, or there is none: alpha"
-            " cannot be corrected with them. Look at the waveforms of the run."
+            f"No run gave a resting ratio between 0 and 1 ({[t.ratio for t in trials]}): alpha"
+            " cannot be corrected. Look at the waveforms of the runs."
         )
-    found = [(1.0 / surrogate_ratio(surrogate, condition, t.alpha), t) for t in trials]
+    found = [(1.0 / surrogate_ratio(surrogate, condition, t.alpha), t) for t in usable]
     found.sort(key=lambda pair: abs(1.0 / pair[1].ratio - 1.0 / target))
     (S_0, first), *others = found
     S_1, y_1 = next(((S, t.ratio) for S, t in others if abs(S - S_0) > 1e-9 * S_0), (1.0, 1.0))

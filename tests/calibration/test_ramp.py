@@ -141,7 +141,11 @@ def test_loop_that_cannot_reach_says_so():
     fit = calibrate_in_loop(lambda alpha: 0.8, [0.1], 0.9, SURROGATE, REST)
     assert not fit.reached
     assert fit.extra_runs == 2
-    with pytest.raises(ValueError, match="not between 0 and 1"):
+    with pytest.raises(ValueError, match="between 0 and 1"):
         next_alpha([Trial(0.1, 1.2)], 0.9, SURROGATE, REST)
+    good = Trial(0.1, 0.85)
+    assert next_alpha([Trial(2.0, 1.01), good], 0.9, SURROGATE, REST) == next_alpha(
+        [good], 0.9, SURROGATE, REST
+    )
     with pytest.raises(ValueError, match="at least one"):
         calibrate_in_loop(lambda alpha: 0.8, [], 0.9, SURROGATE, REST)

@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
 from study.pipeline import CALIBRATED, FIXED
+from study.report import signed
 
 Document = Mapping[str, Any]
 
@@ -50,7 +51,6 @@ def agreement_figure(document: Document, condition: str, rule: str | None) -> st
             group = next(g for g in document["groups"] if _is(g, condition, rule, boundary))
             pairs = [p for p in every if p["boundary"] == boundary]
             _parity(grid[0, k], pairs, group, (low, high))
-            grid[0, k].set_title(_WORDS[boundary])
             _bland_altman(grid[1, k], pairs, group, span)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         unique = dict(zip(labels, handles, strict=True))
@@ -89,11 +89,9 @@ def _parity(
     axes.set_aspect("equal")
     axes.set_xlabel("measured")
     axes.set_ylabel("predicted")
-    r = "" if group["r"] is None else f"\nr = {group['r']:.2f}"
-    axes.text(
-        0.04, 0.96, f"RMSE = {group['rmse']:.3f}{r}\nn = {group['n']}", transform=axes.transAxes,
-        va="top", fontsize=9,
-    )  # fmt: skip
+    r = "" if group["r"] is None else f", r = {group['r']:.2f}"
+    title = f"{_WORDS[group['boundary']]}: RMSE = {group['rmse']:.3f}{r}"
+    axes.set_title(title)
 
 
 def _bland_altman(axes: Axes, pairs: Sequence[Document], group: Document, span: float) -> None:
@@ -101,12 +99,12 @@ def _bland_altman(axes: Axes, pairs: Sequence[Document], group: Document, span: 
     error = [p["predicted"] - p["measured"] for p in pairs]
     axes.axhline(0.0, color=GREY, linewidth=0.8)
     axes.axhline(group["bias"], color=INK, linewidth=1.4)
-    notes = [f"bias {group['bias']:+.3f}"]
+    notes = [f"bias {signed(group['bias'], 3)}"]
     if group["sd"] is not None:
         for limit in (group["low"], group["high"]):
             axes.axhline(limit, color=INK, linewidth=1.0, linestyle=(0, (5, 3)))
         span = max(span, 1.15 * max(abs(group["low"]), abs(group["high"])))
-        notes.append(f"limits {group['low']:+.3f} to {group['high']:+.3f}")
+        notes.append(f"limits {signed(group['low'], 3)} to {signed(group['high'], 3)}")
     _points(axes, pairs, mean, error)
     axes.set_ylim(-span, span)
     middle = float(np.mean(mean))
@@ -114,7 +112,4 @@ def _bland_altman(axes: Axes, pairs: Sequence[Document], group: Document, span: 
     axes.set_xlim(middle - reach, middle + reach)
     axes.set_xlabel("mean of predicted and measured")
     axes.set_ylabel("predicted − measured")
-    axes.text(
-        0.04, 0.97, "\n".join(notes), transform=axes.transAxes, va="top", fontsize=9,
-        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8},
-    )  # fmt: skip
+    axes.set_title(", ".join(notes))

@@ -19,8 +19,9 @@ from jaxfsi.core.state import initial_state
 from jaxfsi.simulation import Record
 from lumped import MMHG, Ramp
 from lumped.waveforms import Constant
+from study.case_model import case_model
 from study.fsi_bench import Bench, finished_run
-from study.simulation_case import ANOMALOUS, INLET, STEP, Outlets, Schedule, Setup, case_model
+from study.simulation_case import ANOMALOUS, INLET, STEP, Outlets, Schedule, Setup
 from study.stages import stage_key
 
 RAMP = "ramp"

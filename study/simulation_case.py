@@ -19,7 +19,6 @@ Source: Puelz et al. 2024, section 2.3.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -27,16 +26,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration import alpha_closed_form, calibrate_alpha, systemic_windkessel
-from jaxfsi import OUTER_WALL, Mesh, Region, submesh
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
-from jaxfsi.core.model import Model, build_model
+from jaxfsi import Mesh, Region, submesh
+from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, Port, PressurePort
-from jaxfsi.core.prestress import prestressed
-from jaxfsi.core.solid import Wall
 from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.statics import Loads, pressure_load, static_factor
-from jaxfsi.core.viscosity import Newtonian
 from lumped import (
     RCR,
     AorticPressure,
@@ -52,8 +45,9 @@ from lumped import (
     solve_periodic,
 )
 from lumped.network import Network
-from lumped.waveforms import AbstractWaveform, Constant
+from lumped.waveforms import AbstractWaveform
 from study.case import Case, Condition
+from study.case_model import Keep, case_model
 from study.faults import CaseError, Fault
 from study.patient import Patient, condition_of, load_patient, stress_rules
 
@@ -69,19 +63,8 @@ CYCLES = 4
 FRAMES = 40
 """Frames of fields in a cycle where the case says nothing."""
 
-MATERIALS = {
-    "linear": LinearElastic,
-    "saint_venant_kirchhoff": SaintVenantKirchhoff,
-    "neo_hookean": NeoHookean,
-}
-"""Elastic laws of the wall by name."""
-
 LARGEST_NU = 0.499
 """Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
-
-
-Keep = Callable[[float, Callable[[], np.ndarray]], np.ndarray]
-"""Gives the prestress at a pressure [dyn/cm²]: one that it kept, or what the function finds."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -256,54 +239,6 @@ def prepare_simulation(
     )
     state = initial_state(model, p=inlet(0.0), blocks=starts)
     return Setup(mesh, model, state, inlet, outlets, schedule)
-
-
-def case_model(
-    case: Case,
-    mesh: Mesh,
-    ports: Mapping[str, Port],
-    P_image: float,
-    *,
-    rigid: bool = False,
-    keep: Keep | None = None,
-) -> Model:
-    """The model of a case with given ports, its wall prestressed as the case says.
-
-    Args:
-        case: the case.
-        mesh: its mesh; blood alone where the wall is rigid.
-        ports: condition of every opening.
-        P_image: pressure of the blood in the image [dyn/cm²].
-        rigid: whether the mesh has no wall.
-        keep: hands a prestress out again that was found before, see `Keep`.
-
-    Raises:
-        RuntimeError: no prestress was found.
-    """
-    loaded = not rigid and case.wall.prestress == "diastole"
-    outside = {OUTER_WALL: PressurePort(Constant(0.0))} if loaded else {}
-    wall = None
-    if not rigid:
-        wall = Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s)
-    model = build_model(
-        mesh,
-        {**ports, **outside},
-        blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
-        wall=wall,
-        P_ambient=P_image,
-    )
-    if not loaded:
-        return model
-
-    def found() -> np.ndarray:
-        # from the ambient pressure the lumen is free of load, and the outside is pulled
-        pull = pressure_load(mesh, OUTER_WALL, -P_image, model)
-        return np.asarray(prestressed(model, Loads((pull,)), static_factor(model)).model.prestress)
-
-    stress = found() if keep is None else keep(P_image, found)
-    return eqx.tree_at(
-        lambda m: m.prestress, model, jnp.asarray(stress), is_leaf=lambda leaf: leaf is None
-    )
 
 
 def _aortic_pressure(entry: Condition) -> AbstractWaveform:

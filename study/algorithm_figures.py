@@ -80,7 +80,7 @@ def calibration(document: Document) -> str:
         for k, (law, curve) in enumerate(sorted(document["curves"].items())):
             name = "linear surrogate (the paper)" if law == "linear" else "curve surrogate"
             axes.plot(curve["alpha"], curve["rest_ratio"], color=COLOURS[1 - k], label=name)
-        for entry in document["calibrations"]:
+        for k, entry in enumerate(document["calibrations"]):
             axes.plot(
                 [entry["alpha"]],
                 [entry["rest_ratio"]],
@@ -94,7 +94,7 @@ def calibration(document: Document) -> str:
                 (entry["alpha"], entry["rest_ratio"]),
                 fontsize=8,
                 color=INK,
-                xytext=(5, -9),
+                xytext=(5, -11 if k % 2 else 6),  # neighbours lie close
                 textcoords="offset points",
             )
         axes.axhline(target, color=RED, linewidth=1.0, label="measured")

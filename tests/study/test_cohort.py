@@ -85,6 +85,7 @@ def test_groups_hold_the_differences_of_the_cases(cohort):
     assert page.count("<svg") == 3
 
 
+@pytest.mark.slow
 def test_again_runs_only_what_failed_or_changed(cohort, folder, command):
     before = {n: (cohort.folder / n / "result.json").stat().st_mtime_ns for n in "ab"}
     text = (folder / "b" / "case.toml").read_text()

@@ -137,6 +137,7 @@ def outcome(folder, command, march):
     return found._replace(stderr=" ".join(march.folders))
 
 
+@pytest.mark.slow
 def test_resting_ratio_in_3d_meets_the_measured_one_within_two_extra_runs(outcome):
     document = outcome.written("study.json")
     assert document["loop"]["reached"]
@@ -149,6 +150,7 @@ def test_resting_ratio_in_3d_meets_the_measured_one_within_two_extra_runs(outcom
     assert "nominal" in errors
 
 
+@pytest.mark.slow
 def test_ramp_of_the_document_is_the_law_that_made_it(outcome):
     ramp = outcome.written("study.json")["ramp"]
     assert ramp["a"] == pytest.approx(A, rel=0.02)
@@ -156,6 +158,7 @@ def test_ramp_of_the_document_is_the_law_that_made_it(outcome):
     assert ramp["tangent_40_mmHg"] == pytest.approx(np.sqrt(A**2 + 160.0 * B * MMHG), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_every_run_is_made_once_and_shown(outcome):
     runs = outcome.stderr.split()
     assert len(runs) == len(set(runs))
@@ -171,6 +174,7 @@ def test_every_run_is_made_once_and_shown(outcome):
     assert "history" not in outcome.json["runs"][0]
 
 
+@pytest.mark.slow
 def test_again_computes_nothing(outcome, folder, command, march):
     again = _study(command, folder, "out", march, "--rules", "printed,all", "--nominal")
     assert march.folders == []
@@ -178,6 +182,7 @@ def test_again_computes_nothing(outcome, folder, command, march):
         assert again.json[part] == outcome.json[part], part
 
 
+@pytest.mark.slow
 def test_changed_input_computes_only_what_follows_from_it(outcome, folder, command, march):
     """Another systolic pressure under stress: the runs at rest and the ramp stay."""
     found = _study(
@@ -191,6 +196,7 @@ def test_changed_input_computes_only_what_follows_from_it(outcome, folder, comma
     assert "curve-rest" in march.folders
 
 
+@pytest.mark.slow
 def test_killed_study_ends_with_the_same_numbers(outcome, folder, command, march):
     options = ("--rules", "printed,all", "--nominal")
     for place in ("curve-rest", "nominal-exercise-all"):
@@ -205,6 +211,7 @@ def test_killed_study_ends_with_the_same_numbers(outcome, folder, command, march
         assert whole.json[part] == outcome.json[part], part
 
 
+@pytest.mark.slow
 def test_show_prints_a_study_and_writes_its_page_again(outcome, command, folder, tmp_path):
     found = command("show", outcome.folder, folder=tmp_path)
     assert found.status == 0, found.stderr
@@ -219,6 +226,7 @@ def test_unknown_rule_and_condition_are_refused(folder, command, tmp_path, march
         assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_continued_run_keeps_pressures(folder, command, march):
     """Under stress the march starts from the states at the end of rest."""
     found = _study(command, folder, "continued", march, "--continued", "--cycles", "2")

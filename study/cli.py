@@ -12,12 +12,15 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
+from study.algorithm import run_study
+from study.algorithm_report import stored_study_report, write_study
 from study.anatomy_source import case_anatomy, states_of
 from study.arguments import parse
 from study.cache import use_cache
 from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
-from study.demo import demo_case_path
+from study.cohort_command import cohort_command, cohort_report
+from study.demo import demo_case_path, demo_cohort_path
 from study.faults import CaseError, Fault
 from study.mesh_case import (
     chosen_states,
@@ -34,12 +37,14 @@ from study.progress import Progress
 from study.provenance import provenance
 from study.report import html_report, simulation_report
 from study.results import (
+    COHORT_PAGE,
     MESH_FILE,
     PAGE_FILE,
     REPORT_FILE,
     RESULT_FILE,
     SIMULATION_FILE,
     SIMULATION_PAGE,
+    STUDY_PAGE,
     Document,
     calibration_document,
     case_document,
@@ -53,7 +58,7 @@ from study.simulation_case import (
     plan_steps,
     prepare_simulation,
 )
-from study.simulation_pictures import draw_simulation
+from study.simulation_pictures import draw_simulation, inlet_of
 from study.simulation_results import (
     SERIES_FILE,
     Drawn,
@@ -63,6 +68,7 @@ from study.simulation_results import (
     write_pictures,
 )
 from study.simulation_run import STEP_NAME, clear_run, run_simulation
+from study.study_command import study_case, study_choice
 from study.summary import summary
 from study.sweep import (
     FIGURE_FILE,
@@ -197,7 +203,11 @@ def _simulate(options: argparse.Namespace) -> None:
         anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
         drawn = Drawn(
             *draw_simulation(
-                folder / SERIES_FILE, setup.mesh, anatomy, outcome.record, schedule.period
+                folder / SERIES_FILE,
+                setup.mesh,
+                anatomy,
+                inlet_of(outcome.record),
+                schedule.period,
             )
         )
         progress.step("writing the report")
@@ -217,6 +227,26 @@ def _simulate(options: argparse.Namespace) -> None:
         raise KeyboardInterrupt(f"interrupted; what was computed is in {folder}. {again}")
     if outcome.failure:
         raise RuntimeError(f"{outcome.failure} What was computed before is in {folder}.")
+
+
+def _study(options: argparse.Namespace) -> None:
+    case, folder = _open(options)
+    case = study_case(case, options)
+    choice = study_choice(case, options)
+    with Progress() as progress:
+        result = run_study(case, folder, choice, progress=progress)
+        document, written = write_study(result, provenance(case, options.command_line), progress)
+    _show(options, document, written)
+
+
+def _cohort(options: argparse.Namespace) -> None:
+    if options.demo:
+        options.folder = demo_cohort_path()
+    beside = pathlib.Path(f"{options.folder.name}-results")
+    fallback = pathlib.Path("results") if options.demo else options.folder.parent / beside
+    folder = check_folder(options.out or fallback)
+    document, written = cohort_command(options, folder)
+    _show(options, document, written)
 
 
 def _calibrate(options: argparse.Namespace) -> None:
@@ -256,7 +286,8 @@ def _show_result(options: argparse.Namespace) -> None:
         ) from error
     written = []
     if options.out is not None:
-        names = {"mesh": PAGE_FILE, "simulate": SIMULATION_PAGE}
+        names = {"mesh": PAGE_FILE, "simulate": SIMULATION_PAGE, "study": STUDY_PAGE}
+        names["cohort"] = COHORT_PAGE
         name = names.get(document["kind"], REPORT_FILE)
         written = write_files(check_folder(options.out), {name: page})
     _show(options, document, written)
@@ -264,8 +295,12 @@ def _show_result(options: argparse.Namespace) -> None:
 
 def _page(result: pathlib.Path, document: Document) -> str:
     """The report of a stored result."""
+    folder = result if result.is_dir() else result.parent
+    if document["kind"] == "cohort":
+        return cohort_report(document)
+    if document["kind"] == "study":
+        return stored_study_report(folder, document)
     if document["kind"] == "simulate":
-        folder = result if result.is_dir() else result.parent
         return simulation_report(document, stored_simulation_pictures(folder, document))
     return html_report(document, _pictures_beside(result, document))
 
@@ -295,6 +330,8 @@ _COMMANDS = {
     "run": _run,
     "mesh": _mesh,
     "simulate": _simulate,
+    "study": _study,
+    "cohort": _cohort,
     "calibrate": _calibrate,
     "sweep": _sweep,
     "show": _show_result,

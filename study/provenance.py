@@ -31,7 +31,7 @@ def provenance(case: Case, command: Sequence[str]) -> dict[str, Any]:
         "inputs": [_input(path, case.path.parent) for path in input_files(case)],
         "command": list(command),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "versions": {"python": platform.python_version(), **_versions()},
+        "versions": versions(),
         "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
         "commit": commit(),
     }
@@ -102,8 +102,9 @@ def _input(path: pathlib.Path, folder: pathlib.Path) -> dict[str, Any]:
     return {"file": name, "sha256": sha256(path), "bytes": path.stat().st_size}
 
 
-def _versions() -> dict[str, str | None]:
-    found: dict[str, str | None] = {}
+def versions() -> dict[str, str | None]:
+    """Versions of Python and of the packages that can move a number; None: not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
             found[name] = importlib.metadata.version(name)

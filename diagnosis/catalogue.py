@@ -71,6 +71,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="inertance", place="ostium", unit="mmHg s2/ml", sd=0.08, one_sided=True,
+        two_starts=True,
         change=lambda c, size: c._replace(L=c.L + size),
         equation="L dQ/dt, L = φ",
         sentence="the inertia of the blood in the proximal vessel matters",
@@ -120,6 +121,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="back_pressure", place="microvasculature", unit="mmHg", sd=10.0, one_sided=True,
+        two_starts=True,
         tolerance=GUESSED_FORM,
         change=lambda c, size: c._replace(P_venous=c.P_venous + size),
         equation="P_venous = φ",
@@ -129,6 +131,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="collateral_flow", place="microvasculature", unit="-", sd=0.2, one_sided=True,
+        two_starts=True,
         tolerance=GUESSED_FORM, change=_collateral,
         equation="G = φ/(R_1 + R_2 + R_3) from aorta to bed",
         sentence="other vessels feed the same muscle",
@@ -153,6 +156,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="wall_viscoelasticity", place="wall", unit="s", sd=0.03, one_sided=True,
+        two_starts=True,
         tolerance=GUESSED_FORM,
         change=lambda c, size: c._replace(wall_time=c.wall_time + size),
         equation="P = (V + τ dV/dt)/C_a, τ = φ",

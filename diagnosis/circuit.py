@@ -15,7 +15,7 @@ With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
 Without the last two terms the system is linear and solved harmonic by harmonic; with them the first
 `LOW` harmonics of Q follow from Newton's method and the rest from the linear system with the mean
 of the nonlinear slope. The derivative is the exact one of what is computed: one more Newton step
-from the frozen solution. Sensors act on the harmonics: first-order lag 1/(1 + iωτ), delay exp(−iωt).
+from the frozen solution. Sensors act on harmonics: first-order lag 1/(1 + iωτ), delay exp(−iωt).
 
 Units: mmHg, mL, s throughout this package. Waveforms have `SAMPLES` samples; harmonics are scaled
 so that x(t) = X_0 + Σ Re X_k cos(ω_k t) − Im X_k sin(ω_k t), and `HARMONICS` of them are kept: what
@@ -32,8 +32,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-SAMPLES = 128
-"""Samples of a beat; the error at the kinks of the inlet pressure is below 0.1 mmHg."""
+SAMPLES = 256
+"""Samples of a beat: fine enough for the harmonics kept of the ventricle's steep pressure."""
 
 PHASE = np.arange(SAMPLES) / SAMPLES
 """Time of the samples in beats."""

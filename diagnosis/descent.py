@@ -1,7 +1,7 @@
 """Levenberg-Marquardt on |r(x)|² + |x|² for batches of small fits.
 
-With J the derivative of the prediction, the step solves (I + JᵀJ + λ D) dx = Jᵀr − x, D the diagonal
-of I + JᵀJ. The priors bound the matrix from below, so that a Cholesky factor is safe where
+With J the derivative of the prediction, the step solves (I + JᵀJ + λ D) dx = Jᵀr − x, D being the
+diagonal of I + JᵀJ. The priors bound the matrix from below, so that a Cholesky factor is safe where
 `calibration.DampedGaussNewton`, made for undetermined fits, needs a QR and an SVD a step: those go
 through LAPACK, whose threads fight over the cores in batches of fits this small (25 times slower on
 two busy cores). The rule of the damping and the end of the fit are the same as there.

@@ -1,11 +1,11 @@
 """Which effect: all hypotheses of a batch of records, their evidence, and the verdicts.
 
-1. The base model is fitted. 2. Every effect of the catalogue is refitted from there. 3. About the two
-best, one Jacobian scans all partners; the four best pairs are fitted. 4. A free forcing at every
-place gives "unknown". 5. Evidence and priors give probabilities and a verdict.
+1. The base model is fitted. 2. Every effect of the catalogue is refitted from there. 3. About the
+two best, one Jacobian scans all partners; the four best pairs are fitted. 4. A free forcing at
+every place gives "unknown". 5. Evidence and priors give probabilities and a verdict.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import jax
@@ -15,8 +15,8 @@ from jaxtyping import Float
 
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.effects import Effect
-from diagnosis.engine import base_start, force_jobs, run_fits, scan_jobs
-from diagnosis.hypothesis import Fitted, numbers_of
+from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans, silent
+from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
 from diagnosis.measured import Measured, weights
 from diagnosis.prediction import n_unknowns
 from diagnosis.verdict import Hypothesis, Judgement, judge, probabilities_of
@@ -67,7 +67,7 @@ def diagnose(
     *,
     effects: Sequence[Effect] = CATALOGUE,
     prior_scale: float = 1.0,
-    tell: Callable[[str], None] | None = None,
+    tell: Tell = silent,
 ) -> list[Diagnosis]:
     """Diagnose a batch of records of one shape.
 
@@ -75,45 +75,72 @@ def diagnose(
         batch: records with a leading axis, see `record.stacked`.
         effects: the catalogue.
         prior_scale: factor on the prior standard deviation of every size.
-        tell: called with the name of each step as it begins.
+        tell: told of progress.
 
     Raises:
         RuntimeError: a base model could not be fitted.
     """
     effects = tuple(effects)
-    tell = tell or (lambda text: None)
     numbers = numbers_of(effects, prior_scale)
     B, E = batch.period.shape[0], len(effects)
-    tell("fitting the base model")
-    base = run_fits(batch, range(B), [(-1, -1)] * B, base_start(batch), numbers, effects)
+    base = run_fits(
+        batch, range(B), [(-1, -1)] * B, base_start(batch), numbers, effects,
+        step="fitting the base model", tell=tell,
+    )  # fmt: skip
     if not np.all(base.sound):
         bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
         raise RuntimeError(
             f"The base model could not be fitted to record(s) {bad} of the batch. Look for "
             "implausible pressures or periods, or leave the record out."
         )
-    tell("fitting every effect")
+    x = np.asarray(base.x)
     record = np.repeat(np.arange(B), E)
     pairs = np.array([(e, -1) for _ in range(B) for e in range(E)])
-    starts = jnp.asarray(base.x[record])
-    single = run_fits(batch, record, pairs, starts, numbers, effects)
-    single_log_B = single.log_evidence.reshape(B, E) - base.log_evidence[:, None]
+    single = _best_of_starts(batch, record, pairs, x[record], numbers, effects, tell)
+    single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
 
-    tell("scanning")
-    everyone = jnp.arange(B)
-    zero = jnp.zeros((B, E))
-    scan = scan_jobs(batch, everyone, jnp.asarray(base.x), zero, numbers, effects=effects)
-    forced = np.asarray(force_jobs(batch, jnp.asarray(base.x), numbers, effects=effects))
-
-    tell("fitting pairs of effects")
-    found = _pairs(batch, single, single_log_B, numbers, effects)
+    scan_log_B, _ = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
+    forced = run_forcings(batch, x)
+    found = _pairs(batch, single, single_log_B, numbers, effects, tell)
     counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
-    scan_log_B = np.asarray(scan.log_B)
     return [
         _assembled(batch, effects, b, base, single, found.get(b, {}), scan_log_B[b], forced[b],
                    int(counts[b]))
         for b in range(B)
     ]  # fmt: skip
+
+
+def _best_of_starts(
+    batch: Measured,
+    record: np.ndarray,
+    pairs: np.ndarray,
+    starts: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    tell: Tell,
+) -> Fitted:
+    """Fits from size zero, some also from one prior sd; the better one is kept."""
+    near = run_fits(
+        batch, record, pairs, starts, numbers, effects, step="fitting every effect", tell=tell
+    )
+    curved = np.array([effect.two_starts for effect in effects])
+    again = np.flatnonzero(curved[pairs[:, 0]])
+    if again.size == 0:
+        return near
+    moved = starts[again].copy()
+    moved[:, -2] = 1.0
+    far = run_fits(
+        batch, record[again], pairs[again], moved, numbers, effects,
+        step="fitting from a second start", tell=tell,
+    )  # fmt: skip
+    better = far.sound & (far.log_evidence > near.log_evidence[again])
+
+    def merge(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        merged = first.copy()
+        merged[again[better]] = second[better]
+        return merged
+
+    return jax.tree.map(merge, near, far)
 
 
 def take(fitted: Fitted, k: int) -> Fitted:
@@ -122,7 +149,12 @@ def take(fitted: Fitted, k: int) -> Fitted:
 
 
 def _pairs(
-    batch: Measured, single: Fitted, log_B: np.ndarray, numbers, effects: tuple[Effect, ...]
+    batch: Measured,
+    single: Fitted,
+    log_B: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    tell: Tell,
 ) -> dict[int, dict[tuple[int, int], Fitted]]:
     """Fits of the most promising pairs, by record."""
     E = len(effects)
@@ -134,9 +166,9 @@ def _pairs(
     order = np.argsort(-log_B, axis=1)
     rows = np.concatenate([worth * E + order[worth, place] for place in (0, 1)])
     owner = np.concatenate([worth, worth])
-    x, sizes = jnp.asarray(single.x[rows]), jnp.asarray(single.sizes[rows])
-    scan = scan_jobs(batch, jnp.asarray(owner), x, sizes, numbers, effects=effects)
-    partner_log_B, partner_size = np.asarray(scan.log_B), np.asarray(scan.size)
+    partner_log_B, partner_size = run_scans(
+        batch, owner, np.asarray(single.x)[rows], np.asarray(single.sizes)[rows], numbers, effects
+    )
     jobs: list[tuple[int, int, int]] = []
     starts = []
     for place, count in enumerate(PARTNERS):
@@ -148,16 +180,18 @@ def _pairs(
             fresh = [e for e in ranked if {first, e} not in taken][:count]
             for e in fresh:
                 jobs.append((int(b), first, e))
-                start = single.x[rows[at]].copy()
+                start = np.asarray(single.x)[rows[at]].copy()
                 start[-1] = 0.5 * np.clip(partner_size[at, e], -1.0, 1.0)
                 starts.append(start)
     fitted = run_fits(
         batch,
         [b for b, _, _ in jobs],
         [(i, j) for _, i, j in jobs],
-        jnp.asarray(np.array(starts)),
+        np.array(starts),
         numbers,
         effects,
+        step="fitting pairs of effects",
+        tell=tell,
     )
     found: dict[int, dict[tuple[int, int], Fitted]] = {}
     for k, (b, i, j) in enumerate(jobs):

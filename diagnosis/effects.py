@@ -16,7 +16,7 @@ A new effect takes ten lines and no other change::
     )
     diagnose(records, effects=(*CATALOGUE, leak))
 
-The size has a normal prior of mean 0 and the given sd; of a one-sided effect only the positive half.
+The size has a normal prior of mean 0 and the given sd; a one-sided effect has its positive half.
 """
 
 from collections.abc import Callable, Sequence
@@ -54,6 +54,7 @@ class Effect(NamedTuple):
         one_sided: whether only positive sizes exist.
         tolerance: relative freedom of the waveform, 0 where the form is exact.
         nonlinear: whether the flow through the ostium is no longer linear.
+        two_starts: whether its fit may have two optima, so that it also starts at one sd.
     """
 
     id: str
@@ -68,6 +69,7 @@ class Effect(NamedTuple):
     one_sided: bool = False
     tolerance: float = 0.0
     nonlinear: bool = False
+    two_starts: bool = False
 
 
 def apply_effects(

@@ -41,7 +41,7 @@ HARMONICS = 18
 def forcing_evidence(
     measured: Measured, linear: Whitened, x: Float[Array, " k"]
 ) -> Float[Array, "p l a"]:
-    """ln Z of a forcing at each place, for each length and amplitude.
+    """Ln Z of a forcing at each place, for each length and amplitude.
 
     Args:
         measured: the record.

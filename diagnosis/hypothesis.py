@@ -207,7 +207,7 @@ def linearise(
 
 
 def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array]:
-    """ln B of adding each effect, and its expected standardised size, from one Jacobian.
+    """Ln B of adding each effect, and its expected standardised size, from one Jacobian.
 
     With J̃ = [J; I], r̃ = [r; −x] and g the derivative by one standardised size,
 

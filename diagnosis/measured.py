@@ -3,12 +3,13 @@
 A record holds C conditions. Where both pressures (and flow) were recorded over the beat, waveforms
 are used and means are not: they would count the same trace twice. Units: mmHg, mL/s, s.
 
-Noise of a waveform of n samples a beat, on `SAMPLES` samples:
+Noise of a waveform of n samples a beat: half white (share w), half correlated over 0.06 beat, and
+a slow offset of each trace. It is stationary, so that harmonics are independent: with κ_k the
+harmonics of the correlation k(Δ), the real and imaginary parts of harmonic k have the variance
 
-    cov = sd² (128/n) (w I + (1 − w) K) + offset² 1 1ᵀ,     K_ij = k(t_i − t_j),
+    2 sd² (w/n + (1 − w) κ_k),      the mean has  sd² (w/n + (1 − w) κ_0) + offset²,
 
-half white (w) and half correlated over 0.06 beat, and a slow offset of each trace. The factor
-keeps the information of n samples when they are put on 128.
+and harmonics from n/2 on were not measured.
 """
 
 import equinox as eqx
@@ -42,6 +43,7 @@ class Measured(eqx.Module):
         waves: mean beat of each sensor, in the order of `SENSORS`; no sensors where no waveforms
             were measured, two without flow.
         wave_sd: standard deviation of its noise a sample; infinite where not measured.
+        wave_samples: samples a beat that were measured.
         wave_offset_sd: of its slow offset.
         white_share: of the noise variance [-].
         scalars, scalar_sd: means and ratios in the order of `SCALARS`; sd infinite where absent.
@@ -59,6 +61,7 @@ class Measured(eqx.Module):
     order: Float[Array, "*b c"]
     waves: Float[Array, "*b c s n"]
     wave_sd: Float[Array, "*b c s"]
+    wave_samples: Float[Array, "*b c s"]
     wave_offset_sd: Float[Array, "*b c s"]
     white_share: Float[Array, "*b"]
     scalars: Float[Array, "*b c 4"]
@@ -86,17 +89,18 @@ def correlation(length: float) -> np.ndarray:
 
 
 def noise_sd(
-    sd: Float[Array, ""], offset_sd: Float[Array, ""], white_share: Float[Array, ""]
+    sd: Float[Array, ""],
+    offset_sd: Float[Array, ""],
+    n_samples: Float[Array, ""],
+    white_share: Float[Array, ""],
 ) -> Float[Array, " m"]:
-    """Standard deviations of a trace's real coefficients (`circuit.coefficients`).
-
-    The noise is stationary: its covariance is circulant, and harmonics are independent.
-    """
-    spectrum = np.fft.rfft(correlation(NOISE_LENGTH)[0]).real[: HARMONICS + 1]
-    power = sd**2 * (white_share + (1.0 - white_share) * jnp.asarray(spectrum))
-    mean = power[:1] / SAMPLES + offset_sd**2
-    high = 2.0 * power[1:] / SAMPLES
-    return jnp.sqrt(jnp.concatenate([mean, high, high]))
+    """Standard deviations of a trace's real coefficients; infinite where not measured."""
+    spectrum = np.fft.rfft(correlation(NOISE_LENGTH)[0]).real[: HARMONICS + 1] / SAMPLES
+    smooth = (1.0 - white_share) * jnp.asarray(spectrum)
+    power = sd**2 * (white_share / n_samples + smooth)
+    seen = jnp.arange(1, HARMONICS + 1).astype(float) < 0.5 * n_samples
+    high = jnp.where(seen, 2.0 * power[1:], jnp.inf)
+    return jnp.sqrt(jnp.concatenate([power[:1] + offset_sd**2, high, high]))
 
 
 def weights(measured: Measured) -> Float[Array, "c d"]:
@@ -111,11 +115,12 @@ def weights(measured: Measured) -> Float[Array, "c d"]:
     present = jnp.isfinite(measured.wave_sd) & (allowed > 0.5)
     sd = jnp.where(present, measured.wave_sd, 1.0)
     offset = jnp.where(present, measured.wave_offset_sd, 0.0)
-    each = jax.vmap(jax.vmap(noise_sd, (0, 0, None)), (0, 0, None))
+    n = jnp.where(present, measured.wave_samples, 1.0)
+    each = jax.vmap(jax.vmap(noise_sd, (0, 0, 0, None)), (0, 0, 0, None))
     C = measured.period.shape[0]
     waves = jnp.zeros((C, 0))
     if names:
-        waves = (present[..., None] / each(sd, offset, measured.white_share)).reshape(C, -1)
+        waves = (present[..., None] / each(sd, offset, n, measured.white_share)).reshape(C, -1)
     of_aorta = jnp.asarray(np.array([1.0, 0.0, 0.0, 0.0]))
     allowed = 1.0 - measured.held_out[:, None] * (1.0 - of_aorta)[None, :]
     known = jnp.isfinite(measured.scalar_sd) & (allowed > 0.5)

@@ -13,7 +13,6 @@ five shared ones, its two pressures, two sizes of effects): derivatives are take
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
@@ -82,13 +81,10 @@ class Situation(NamedTuple):
 
 def situations(measured: Measured) -> Situation:
     """The settings of all conditions of one record."""
-    own = [
-        getattr(measured, name)
-        for name in ("period", "P_systolic", "P_diastolic", "stress", "adenosine", "dobutamine")
-    ]
     shape = measured.period.shape
-    shared = [jnp.broadcast_to(v, shape) for v in (measured.R0, measured.R0_sd_log, measured.P_sd)]
-    return Situation(*own, measured.order, *shared)
+    return Situation(
+        **{name: jnp.broadcast_to(getattr(measured, name), shape) for name in Situation._fields}
+    )
 
 
 def n_unknowns(measured: Measured) -> int:

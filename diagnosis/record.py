@@ -1,8 +1,8 @@
 """A measured record as people know it, and how it becomes the arrays that a diagnosis compares.
 
-A record may be rich or poor: three pressure ratios, means, means with flow, waveforms, waveforms with
-flow. Noise is what the record states; where it states none and several beats were recorded it is
-estimated from their scatter: with d the beats less their mean and less each beat's own mean,
+A record may be rich or poor: three pressure ratios, means, means with flow, waveforms, waveforms
+with flow. Noise is what the record states; where it states none and several beats were recorded it
+is estimated from their scatter: with d the beats less their mean and less each beat's own mean,
 
     sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
 
@@ -138,8 +138,8 @@ def resampled(wave: np.ndarray) -> np.ndarray:
     """A beat on `SAMPLES` samples by its harmonics."""
     n = wave.shape[-1]
     spectrum = np.fft.rfft(wave, axis=-1) * (SAMPLES / n)
-    count = min(spectrum.shape[-1], SAMPLES // 2 + 1)
-    return np.fft.irfft(spectrum[..., :count], SAMPLES, axis=-1)
+    kept = spectrum[..., : min((n + 1) // 2, SAMPLES // 2 + 1)]
+    return np.fft.irfft(kept, SAMPLES, axis=-1)
 
 
 def measured(record: Record, richness: str | None = None) -> Measured:
@@ -158,7 +158,7 @@ def measured(record: Record, richness: str | None = None) -> Measured:
     noise = noise_of(record)
     flow_sd = FLOW_RELATIVE_SD if record.flow_relative_sd is None else record.flow_relative_sd
     ffr_sd = FFR_SD if record.ffr_sd is None else record.ffr_sd
-    waves, wave_sd, offset_sd = _waves(record, level, noise, flow_sd)
+    waves, wave_sd, offset_sd, count = _waves(record, level, noise, flow_sd)
     C = len(record.conditions)
     scalars, sd = np.zeros((C, 4)), np.full((C, 4), np.inf)
     mean_sd = np.hypot(noise.pressure_sd, noise.offset_sd)
@@ -195,6 +195,7 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         order=column("order"),
         waves=jnp.asarray(waves),
         wave_sd=jnp.asarray(wave_sd),
+        wave_samples=jnp.asarray(count),
         wave_offset_sd=jnp.asarray(offset_sd),
         white_share=jnp.asarray(noise.white_share),
         scalars=jnp.asarray(scalars),
@@ -212,8 +213,8 @@ def _has_means(condition: RecordedCondition) -> bool:
 
 def _waves(
     record: Record, level: str, noise: Noise, flow_sd: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean beats, their noise and offsets; no sensors where no waveforms are used."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Mean beats, their noise, offsets and samples; no sensors where no waveforms are used."""
     C = len(record.conditions)
     with_flow = "flow" in level and any("Q" in c.beats for c in record.conditions)
     used = SENSORS if with_flow else SENSORS[:2]
@@ -221,17 +222,18 @@ def _waves(
         used = ()
     waves = np.zeros((C, len(used), SAMPLES))
     sd, offset = np.full((C, len(used)), np.inf), np.full((C, len(used)), np.inf)
+    count = np.ones((C, len(used)))
     for c, condition in enumerate(record.conditions):
         for s, name in enumerate(used):
             beats = condition.beats.get(name)
             if beats is None:
                 continue
             waves[c, s] = resampled(beats.mean(axis=0))
-            spread = np.sqrt(SAMPLES / beats.shape[1])
+            count[c, s] = beats.shape[1]
             scale = flow_sd * max(float(np.abs(waves[c, s]).mean()), 0.05)
-            sd[c, s] = spread * (scale if name == "Q" else noise.pressure_sd)
+            sd[c, s] = scale if name == "Q" else noise.pressure_sd
             offset[c, s] = scale if name == "Q" else noise.offset_sd
-    return waves, sd, offset
+    return waves, sd, offset, count
 
 
 def stacked(records: Sequence[Measured]) -> Measured:

@@ -27,7 +27,7 @@ RESULT_FILE, REPORT_FILE = "result.json", "report.html"
 MESH_FILE, PAGE_FILE = "mesh.json", "mesh.html"
 SIMULATION_FILE, SIMULATION_PAGE = "simulation.json", "simulation.html"
 
-_FILES = (RESULT_FILE, MESH_FILE, SIMULATION_FILE)
+_FILES = (RESULT_FILE, MESH_FILE, SIMULATION_FILE, "diagnosis.json", "plan.json")
 
 Document = dict[str, Any]
 

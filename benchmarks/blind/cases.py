@@ -22,7 +22,7 @@ CONDITIONS = (
     ("dobutamine", "dobutamine", (1.0, 0.0, 1.0), 0.45, 130.0, 70.0),
     ("dobutamine_high", "dobutamine", (1.0, 0.0, 1.0), 0.38, 142.0, 74.0),
 )
-"""Name, drug, (stress, adenosine, dobutamine), period, systolic, diastolic; the last is held out."""
+"""Name, drug, (stress, adenosine, dobutamine), period, pressures; the last is held out."""
 
 OFFSET_SD_MMHG = 0.3
 """Slow offset of each pressure trace."""
@@ -162,7 +162,9 @@ def seal(folder: pathlib.Path, labels: list[dict]) -> None:
     (folder / "labels.sealed").write_bytes(bytes(a ^ b for a, b in zip(text, stream, strict=True)))
     (folder / "labels.key").write_bytes(key)
     digest = hashlib.sha256(text + key).hexdigest()
-    (folder / "manifest.json").write_text(json.dumps({"labels_sha256": digest, "count": len(labels)}))
+    (folder / "manifest.json").write_text(
+        json.dumps({"labels_sha256": digest, "count": len(labels)})
+    )
 
 
 def unseal(folder: pathlib.Path) -> list[dict]:
@@ -177,5 +179,7 @@ def unseal(folder: pathlib.Path) -> list[dict]:
     text = bytes(a ^ b for a, b in zip(sealed, stream, strict=True))
     digest = json.loads((folder / "manifest.json").read_text())["labels_sha256"]
     if hashlib.sha256(text + key).hexdigest() != digest:
-        raise ValueError(f"{folder}: labels or key were changed after sealing. Make the cases anew.")
+        raise ValueError(
+            f"{folder}: labels or key were changed after sealing. Make the cases anew."
+        )
     return json.loads(text)

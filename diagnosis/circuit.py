@@ -25,7 +25,7 @@ Source: Puelz et al. 2024, section 2.4; harmonic balance: Nakhla & Vlach 1976 (I
 Syst 23:85). With no effect it is `lumped.Surrogate` solved by `lumped.Fourier`, which a test shows.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -56,6 +56,7 @@ P_REGULATED = 70.0
 Wave = Float[Array, " n"]
 Spectrum = Complex[Array, " f"]
 Number = Float[Array, ""]
+Real = Float[Array, " m"]
 
 
 class Circuit(NamedTuple):
@@ -163,9 +164,14 @@ def as_harmonics(q: Float[Array, "*b m"]) -> Complex[Array, "*b f"]:
     return jax.lax.complex(q[..., : count + 1], imaginary)
 
 
+def _complex(x: Array) -> Array:
+    return jax.lax.complex(x, jnp.zeros_like(x))
+
+
 def _inverse(z: Spectrum) -> Spectrum:
     """1/z in real arithmetic: numbers here are far from overflow, which complex division guards."""
-    return jnp.conj(z) * (1.0 / (z.real**2 + z.imag**2))
+    scale = 1.0 / (z.real**2 + z.imag**2)
+    return jax.lax.complex(z.real * scale, -z.imag * scale)
 
 
 def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
@@ -179,33 +185,34 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     iw = jax.lax.complex(jnp.zeros_like(omega), omega)
     inlet, ventricle = harmonics(jnp.stack([circuit.P_inlet, circuit.P_LV]))
     ostium, wall, micro, pump, root, at_aorta, at_distal = circuit.forced
-    inlet, ventricle, wall = inlet + root, ventricle + pump, wall / circuit.R_1
-    venous = circuit.P_venous * jnp.asarray(np.eye(1, HARMONICS + 1)[0])
+    g_1, g_3 = _complex(1.0 / circuit.R_1), _complex(1.0 / circuit.R_3)
+    g_2 = _complex(1.0 / (circuit.R_2 * _autoregulated(circuit)))
+    g_across, R0 = _complex(circuit.G_collateral), _complex(circuit.R0)
+    inlet, ventricle, wall = inlet + root, ventricle + pump, wall * g_1
+    first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
+    venous = _complex(circuit.P_venous * first)
 
-    g_1, g_3 = 1.0 / circuit.R_1, 1.0 / circuit.R_3
-    g_2 = 1.0 / (circuit.R_2 * _autoregulated(circuit))
-    y_im = iw * circuit.C_im
-    y_a = iw * circuit.C_a * _inverse(1.0 + iw * circuit.wall_time)
+    y_im = iw * _complex(circuit.C_im)
+    y_a = iw * _complex(circuit.C_a) * _inverse(1.0 + iw * _complex(circuit.wall_time))
     z_3 = _inverse(g_2 + y_im + g_3)
     source_3 = (y_im * ventricle + g_3 * venous - g_2 * micro) * z_3
-    z_2 = _inverse(g_1 + circuit.G_collateral + y_a + g_2 * (1.0 - g_2 * z_3))
-    source_2 = (circuit.G_collateral * inlet + wall + g_2 * (micro + source_3)) * z_2
-    Z = _inverse(iw * circuit.C0 + g_1 * (1.0 - g_1 * z_2))
+    z_2 = _inverse(g_1 + g_across + y_a + g_2 * (1.0 - g_2 * z_3))
+    source_2 = (g_across * inlet + wall + g_2 * (micro + source_3)) * z_2
+    Z = _inverse(iw * _complex(circuit.C0) + g_1 * (1.0 - g_1 * z_2))
     source_1 = g_1 * source_2 * Z
 
     drive = inlet + ostium - source_1
-    series = Z + circuit.R0 + iw * circuit.L
+    series = Z + R0 + iw * _complex(circuit.L)
     Q = drive * _inverse(series)
     if nonlinear:
         Q = _nonlinear_flow(circuit, drive, series, Q)
     P_1 = Z * Q + source_1
-    first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
     turn = circuit.distal_delay * omega
+    lagged = inlet * _inverse(1.0 + iw * _complex(circuit.aortic_lag))
+    delayed = P_1 * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
     return Beat(
-        inlet * _inverse(1.0 + iw * circuit.aortic_lag) + circuit.aortic_offset * first + at_aorta,
-        P_1 * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
-        + circuit.distal_offset * first
-        + at_distal,
+        lagged + _complex(circuit.aortic_offset * first) + at_aorta,
+        delayed + _complex(circuit.distal_offset * first) + at_distal,
         Q,
     )
 
@@ -219,7 +226,7 @@ def _autoregulated(circuit: Circuit) -> Number:
     R_in = circuit.R0 + circuit.R_1
     above = inlet / R_in + circuit.G_collateral * inlet
 
-    def sweep(_: int, log_factor: Number) -> Number:
+    def sweep(_: Any, log_factor: Number) -> Number:
         g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3)
         mean = above + g_bed * circuit.P_venous
         mean = mean / (1.0 / R_in + circuit.G_collateral + g_bed)
@@ -237,21 +244,21 @@ def _nonlinear_flow(
     synthesis = jnp.asarray(TO_SAMPLES[:, _LOW_COLUMNS])
     analysis = jnp.asarray(FROM_SAMPLES[_LOW_COLUMNS])
 
-    def loss(q: Wave) -> Wave:
+    def loss(q: Real) -> Wave:
         Q = synthesis @ q
         return extra * Q + circuit.K * Q * jnp.abs(Q)
 
-    def residual(q: Wave) -> Wave:
+    def residual(q: Real) -> Real:
         lost = analysis @ loss(q)
         return coefficients(series[low] * as_harmonics(q)) + lost - coefficients(drive[low])
 
-    def slope(q: Wave) -> Float[Array, "m m"]:
+    def slope(q: Real) -> Float[Array, "m m"]:
         d = extra + 2.0 * circuit.K * jnp.abs(synthesis @ q)
         return _block(series[low]) + (analysis * d[None, :]) @ synthesis
 
     frozen = jax.lax.stop_gradient
 
-    def newton(_: int, q: Wave) -> Wave:
+    def newton(_: Any, q: Real) -> Real:
         return frozen(q - jnp.linalg.solve(frozen(slope(q)), frozen(residual(q))))
 
     q = jax.lax.fori_loop(0, NEWTON_STEPS, newton, frozen(coefficients(linear[low])))
@@ -260,7 +267,7 @@ def _nonlinear_flow(
     q = q - jnp.linalg.inv(frozen(slope(q))) @ residual(q)
     mean_slope = jnp.mean(extra + 2.0 * circuit.K * jnp.abs(synthesis @ q))
     lost = harmonics(loss(q))
-    high = (drive - lost) * _inverse(series + mean_slope)
+    high = (drive - lost) * _inverse(series + _complex(mean_slope))
     return jnp.concatenate([as_harmonics(q), high[LOW + 1 :]])
 
 

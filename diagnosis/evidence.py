@@ -104,7 +104,7 @@ def reduced_posterior(
     one_sided: Float[Array, " k"] | None = None,
 ) -> Posterior:
     """The same from inner products, so that amplitudes of F cost little (Woodbury's identity)."""
-    factor = jnp.linalg.cholesky(jnp.eye(FF.shape[-1]) + FF)
+    factor = jnp.linalg.cholesky(jnp.eye(FF.shape[-1])[None] + FF)
     joined = jnp.concatenate([FJ, Fe[..., None]], axis=-1)
     half = jax.lax.linalg.triangular_solve(factor, joined, left_side=True, lower=True)
     A, b = half[..., :-1], half[..., -1]

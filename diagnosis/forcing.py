@@ -56,8 +56,8 @@ def forcing_evidence(
     FJ, Fe = jnp.einsum("pcdm,cdk->pcmk", F, J), jnp.einsum("pcdm,cd->pcm", F, e)
 
     def one(weight: Array, FF: Array, FJ: Array, Fe: Array) -> Array:
-        weighted = FF * (weight[:, None] * weight[None, :])
-        scaled = (FJ * weight[:, None], Fe * weight)
+        weighted = FF * (weight[:, None] * weight[None, :])[None]
+        scaled = (FJ * weight[None, :, None], Fe * weight[None])
         return reduced_posterior(JJ, Je, ee, weighted, *scaled).log_evidence
 
     scale = np.array(

@@ -203,7 +203,7 @@ def linearise(
     k = n_unknowns(measured)
     residual = W * data_of(measured) - value
     linear = Whitened(residual + J[..., :k] @ x[:k], J[..., :k])
-    return Linearised(linear, J[..., k:] * numbers.sd)
+    return Linearised(linear, J[..., k:] * numbers.sd[None, None])
 
 
 def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array]:
@@ -250,7 +250,7 @@ def _form_columns(
     rows = TO_SAMPLES.shape[1]
     F = jnp.zeros((C, W.shape[1], n_sensors * m + 4))
     for s in range(n_sensors):
-        block = jnp.asarray(FROM_SAMPLES) @ (change[:, s, :, None] * basis[None])
+        block = jnp.einsum("qn,cn,nm->cqm", jnp.asarray(FROM_SAMPLES), change[:, s], basis)
         F = F.at[:, s * rows : (s + 1) * rows, s * m : (s + 1) * m].set(block)
     own = jax.vmap(jnp.diag)(scalar_change)
     F = F.at[:, n_sensors * rows :, n_sensors * m :].set(own)

@@ -120,7 +120,8 @@ def weights(measured: Measured) -> Float[Array, "c d"]:
     C = measured.period.shape[0]
     waves = jnp.zeros((C, 0))
     if names:
-        waves = (present[..., None] / each(sd, offset, n, measured.white_share)).reshape(C, -1)
+        own = 1.0 / each(sd, offset, n, measured.white_share)
+        waves = jnp.where(present[..., None], own, 0.0).reshape(C, -1)
     of_aorta = jnp.asarray(np.array([1.0, 0.0, 0.0, 0.0]))
     allowed = 1.0 - measured.held_out[:, None] * (1.0 - of_aorta)[None, :]
     known = jnp.isfinite(measured.scalar_sd) & (allowed > 0.5)

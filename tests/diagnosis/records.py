@@ -6,6 +6,7 @@ import numpy as np
 
 from diagnosis import CATALOGUE, Record, RecordedCondition, measured
 from diagnosis.circuit import SAMPLES
+from diagnosis.measured import correlation
 from diagnosis.prediction import Situation, as_waves, predict, selection, situations
 
 STEP = 2
@@ -32,6 +33,15 @@ def _waves(case: Situation, own: jax.Array, sizes: jax.Array) -> jax.Array:
     return jax.vmap(lambda c, o: as_waves(predict(c, o, CATALOGUE, sizes)))(case, own)
 
 
+def noise(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Half white, half correlated over 0.06 beat, of unit variance."""
+    K = correlation(0.06)[::STEP, ::STEP]
+    value, vector = np.linalg.eigh(K)
+    root = vector * np.sqrt(np.maximum(value, 0.0))
+    white, smooth = rng.standard_normal((2, *shape))
+    return np.sqrt(0.5) * (white + smooth @ root.T)
+
+
 def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: float = 0.5) -> Record:
     """A record of the model itself with effects of some size, and noise."""
     rng = np.random.default_rng(seed)
@@ -45,7 +55,7 @@ def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: flo
     conditions = []
     for c, condition in enumerate(plain.conditions):
         noisy = {
-            name: waves[c, s] + sd * np.sqrt(beats) * rng.standard_normal((beats, n))
+            name: waves[c, s] + sd * np.sqrt(beats) * noise(rng, (beats, n))
             for s, name in enumerate(("P_aorta", "P_distal"))
         }
         means = {name: float(wave.mean()) for name, wave in noisy.items()}

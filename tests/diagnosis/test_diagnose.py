@@ -10,7 +10,7 @@ from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.shrink import fitted_gap, held_out_gap
 from diagnosis.verdict import is_closed, probabilities_of
 from diagnosis.where import joint_map, place_shares, rest_map
-from tests.diagnosis.records import NAMES, settings, synthetic
+from tests.diagnosis.records import NAMES, synthetic
 
 CAUSES = (
     {"vasodilation": 0.5},

@@ -8,11 +8,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from diagnosis import RICHNESS
 from jaxfsi.meshing.sizes import PRESETS
 from study.cache import VARIABLE
 from study.mesh_results import FORMATS
 
 LARGEST_COUNT = 1_000_000
+_ON_RECORDS = ("diagnose", "plan-measurement")
 _ON_CASES = ("run", "calibrate", "sweep", "mesh", "simulate", "study")
 
 _DESCRIPTION = """\
@@ -121,6 +123,28 @@ does not stop the others. Given again, the command goes on with those that are n
 cohort.html, cohort.json and a folder with the report of each case.
 """,
     ),
+    "diagnose": (
+        "say where simulation and measurement differ, which effect causes it, how far it shrinks",
+        """\
+examples:
+  jaxfsi diagnose record                       a folder with record.toml
+  jaxfsi diagnose record --case case.toml      R0 from the patient's case
+  jaxfsi diagnose record --richness means      use no more than means of the record
+
+writes diagnosis.json and diagnosis.html. Conditions with held_out = true are predicted and only
+then compared.
+""",
+    ),
+    "plan-measurement": (
+        "say which measurement would tell the likely causes apart",
+        """\
+examples:
+  jaxfsi plan-measurement record
+
+also says which effects each set of sensors could show at all in the conditions of the record; a
+record without any data is enough for that. Writes plan.json.
+""",
+    ),
     "show": (
         "print a stored result; with --out, write its report again",
         """\
@@ -183,11 +207,21 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     parsers["run"].add_argument(
         "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
     )
+    for name in _ON_RECORDS:
+        parsers[name].add_argument("record", type=pathlib.Path, metavar="RECORD", help="its folder")
+        parsers[name].add_argument(
+            "--case", type=pathlib.Path, metavar="CASE", help="case file that R0 is taken from"
+        )
+    parsers["diagnose"].add_argument(
+        "--richness", choices=RICHNESS, help="use no more of the record; default: all"
+    )
     parsers["show"].add_argument("result", type=pathlib.Path, metavar="RESULT", help="its folder")
     for name, command in parsers.items():
         where = "folder for the output"
         if name in _ON_CASES:
             where += " (default: CASE-results beside the case; ./results for --demo)"
+        if name in _ON_RECORDS:
+            where += " (default: RECORD-results beside the record)"
         command.add_argument("--out", type=pathlib.Path, metavar="DIR", help=where)
         command.add_argument("--json", action="store_true", help="print one JSON object, only")
     given = list(argv)

@@ -12,6 +12,7 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
+from diagnosis import Record
 from study.algorithm import run_study
 from study.algorithm_report import stored_study_report, write_study
 from study.anatomy_source import case_anatomy, states_of
@@ -21,6 +22,14 @@ from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
 from study.cohort_command import cohort_command, cohort_report
 from study.demo import demo_case_path, demo_cohort_path
+from study.diagnosis_report import diagnosis_report
+from study.diagnosis_results import (
+    DIAGNOSIS_FILE,
+    DIAGNOSIS_PAGE,
+    PLAN_FILE,
+    diagnosis_document,
+)
+from study.diagnosis_run import diagnose_record, plan_record, with_case
 from study.faults import CaseError, Fault
 from study.mesh_case import (
     chosen_states,
@@ -34,7 +43,8 @@ from study.mesh_results import embedded, mesh_document, stored_pictures, write_m
 from study.output import OutputRefused, check_folder, write_files, write_tree
 from study.pipeline import run_case
 from study.progress import Progress
-from study.provenance import provenance
+from study.provenance import origin, provenance
+from study.record_file import read_record, record_path
 from study.report import html_report, simulation_report
 from study.results import (
     COHORT_PAGE,
@@ -272,6 +282,45 @@ def _sweep(options: argparse.Namespace) -> None:
     _show(options, document, write_files(folder, files))
 
 
+def _diagnose(options: argparse.Namespace) -> None:
+    record, remarks, folder = _open_record(options)
+    with Progress() as progress:
+        diagnosis = diagnose_record(record, options.richness, progress)
+        progress.step("writing the report")
+        document = diagnosis_document(record, remarks, diagnosis, _record_origin(options))
+        files = {DIAGNOSIS_PAGE: diagnosis_report(document), DIAGNOSIS_FILE: to_json(document)}
+        written = write_files(folder, files)
+    _show(options, document, written)
+
+
+def _plan(options: argparse.Namespace) -> None:
+    record, _, folder = _open_record(options, needs_data=False)
+    with Progress() as progress:
+        document = plan_record(record, progress, _record_origin(options))
+    _show(options, document, write_files(folder, {PLAN_FILE: to_json(document)}))
+
+
+def _open_record(
+    options: argparse.Namespace, *, needs_data: bool = True
+) -> tuple[Record, tuple[str, ...], pathlib.Path]:
+    """The record, what it lacks, and the checked folder for results; computing may begin."""
+    record, remarks = read_record(options.record, needs_data=needs_data)
+    if options.case is not None:
+        record, more = with_case(record, read_case(options.case))
+        remarks = (*remarks, more)
+    place = record_path(options.record).resolve().parent
+    folder = place.parent / f"{place.name}-results" if options.out is None else options.out
+    folder = check_folder(folder)
+    use_cache()
+    return record, remarks, folder
+
+
+def _record_origin(options: argparse.Namespace) -> Document:
+    file = record_path(options.record)
+    files = [file, *sorted(file.parent.glob("*.csv"))]
+    return origin(files, file.parent, options.command_line)
+
+
 def _show_result(options: argparse.Namespace) -> None:
     document = load_document(options.result)
     try:
@@ -286,8 +335,13 @@ def _show_result(options: argparse.Namespace) -> None:
         ) from error
     written = []
     if options.out is not None:
-        names = {"mesh": PAGE_FILE, "simulate": SIMULATION_PAGE, "study": STUDY_PAGE}
-        names["cohort"] = COHORT_PAGE
+        names = {
+            "mesh": PAGE_FILE,
+            "simulate": SIMULATION_PAGE,
+            "study": STUDY_PAGE,
+            "cohort": COHORT_PAGE,
+            "diagnose": DIAGNOSIS_PAGE,
+        }
         name = names.get(document["kind"], REPORT_FILE)
         written = write_files(check_folder(options.out), {name: page})
     _show(options, document, written)
@@ -300,6 +354,8 @@ def _page(result: pathlib.Path, document: Document) -> str:
         return cohort_report(document)
     if document["kind"] == "study":
         return stored_study_report(folder, document)
+    if document["kind"] == "diagnose":
+        return diagnosis_report(document)
     if document["kind"] == "simulate":
         return simulation_report(document, stored_simulation_pictures(folder, document))
     return html_report(document, _pictures_beside(result, document))
@@ -334,6 +390,8 @@ _COMMANDS = {
     "cohort": _cohort,
     "calibrate": _calibrate,
     "sweep": _sweep,
+    "diagnose": _diagnose,
+    "plan-measurement": _plan,
     "show": _show_result,
     "template": _template,
 }

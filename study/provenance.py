@@ -27,8 +27,21 @@ def provenance(case: Case, command: Sequence[str]) -> dict[str, Any]:
         case: the case; its file and all files that it names are hashed.
         command: the command as it was given.
     """
+    return origin(input_files(case), case.path.parent, command)
+
+
+def origin(
+    files: Sequence[pathlib.Path], folder: pathlib.Path, command: Sequence[str]
+) -> dict[str, Any]:
+    """What must be known to compute a result from some files again.
+
+    Args:
+        files: the input; all are hashed.
+        folder: paths are given relative to it.
+        command: the command as it was given.
+    """
     return {
-        "inputs": [_input(path, case.path.parent) for path in input_files(case)],
+        "inputs": [_input(path, folder) for path in files],
         "command": list(command),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),

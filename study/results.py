@@ -29,7 +29,15 @@ SIMULATION_FILE, SIMULATION_PAGE = "simulation.json", "simulation.html"
 STUDY_FILE, STUDY_PAGE = "study.json", "study.html"
 COHORT_FILE, COHORT_PAGE = "cohort.json", "cohort.html"
 
-_FILES = (COHORT_FILE, STUDY_FILE, RESULT_FILE, MESH_FILE, SIMULATION_FILE)
+_FILES = (
+    COHORT_FILE,
+    STUDY_FILE,
+    RESULT_FILE,
+    MESH_FILE,
+    SIMULATION_FILE,
+    "diagnosis.json",
+    "plan.json",
+)
 
 Document = dict[str, Any]
 

@@ -18,8 +18,46 @@ def summary(document: Document) -> str:
         "simulate": _simulation,
         "study": _study,
         "cohort": _cohort,
+        "diagnose": _diagnosis,
+        "plan": _plan,
     }[document["kind"]]
     return "\n".join(lines(document)) + "\n"
+
+
+def _diagnosis(document: Document) -> Iterator[str]:
+    yield f"{document['id']}"
+    yield ""
+    yield document["sentence"]
+    yield ""
+    for name, p in list(document["probabilities"].items())[:6]:
+        yield f"  {name.replace('_', ' '):<44}{p:>7.3f}"
+    for effect in document["effects"]:
+        if effect["id"] in document["named"]:
+            yield f"  {effect['sentence']}; {effect['place']}"
+    for held in document["gap"]["held_out"]:
+        rms = held["P_distal_rms_mmHg"]
+        if rms is not None:
+            yield (
+                f"held out, {held['condition']}: distal pressure off by {rms['before']:.2f} mmHg "
+                f"before, {rms['after']:.2f} after, {rms['noise_floor']:.2f} from noise"
+            )
+    yield from _next(document)
+    for remark in document["remarks"]:
+        yield f"! {remark}"
+
+
+def _plan(document: Document) -> Iterator[str]:
+    yield f"{document['id']}"
+    yield from _next(document)
+    for name, row in document["sensors"].items():
+        yield f"{name}: {len(row['isolable'])} effects could be told, {', '.join(row['isolable'])}"
+
+
+def _next(document: Document) -> Iterator[str]:
+    for option in document["next_measurements"]:
+        first, second = (name.replace("_", " ") for name in option["separates"])
+        gain = option["expected_log_bayes_factor"]
+        yield f"measure next: {option['sensor']} ({first} against {second}, ln B {gain:.1f})"
 
 
 def _run(document: Document) -> Iterator[str]:

@@ -32,6 +32,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from diagnosis.elimination import solve_definite
+
 SAMPLES = 256
 """Samples of a beat: fine enough for the harmonics kept of the ventricle's steep pressure."""
 
@@ -259,12 +261,13 @@ def _nonlinear_flow(
     frozen = jax.lax.stop_gradient
 
     def newton(_: Any, q: Real) -> Real:
-        return frozen(q - jnp.linalg.solve(frozen(slope(q)), frozen(residual(q))))
+        step = solve_definite(frozen(slope(q)), frozen(residual(q))[:, None])
+        return frozen(q - step[:, 0])
 
     q = jax.lax.fori_loop(0, NEWTON_STEPS, newton, frozen(coefficients(linear[low])))
     q = frozen(q)
     # no change in value, the implicit-function theorem in derivative
-    q = q - jnp.linalg.inv(frozen(slope(q))) @ residual(q)
+    q = q - solve_definite(frozen(slope(q)), jnp.eye(q.shape[0])) @ residual(q)
     mean_slope = jnp.mean(extra + 2.0 * circuit.K * jnp.abs(synthesis @ q))
     lost = harmonics(loss(q))
     high = (drive - lost) * _inverse(series + _complex(mean_slope))

@@ -1,7 +1,7 @@
 """Levenberg-Marquardt on |r(x)|² + |x|² for batches of small fits.
 
 With J the derivative of the prediction, the step solves (I + JᵀJ + λ D) dx = Jᵀr − x, D being the
-diagonal of I + JᵀJ. The priors bound the matrix from below, so that a Cholesky factor is safe where
+diagonal of I + JᵀJ. The priors bound the matrix from below, so that elimination is safe where
 `calibration.DampedGaussNewton`, made for undetermined fits, needs a QR and an SVD a step: those go
 through LAPACK, whose threads fight over the cores in batches of fits this small (25 times slower on
 two busy cores). The rule of the damping and the end of the fit are the same as there.
@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.scipy.linalg import cho_solve
 from jaxtyping import Array, Bool, Float, Int
+
+from diagnosis.elimination import solve_definite
 
 ATOL = 3e-3
 """Distance from the optimum, in posterior sd, that counts as none: evidence to 1e-5."""
@@ -81,7 +82,7 @@ def descend(
         A = jnp.eye(start.shape[0]) + jnp.einsum("cdk,cdl->kl", best.J, best.J)
         g = jnp.einsum("cdk,cd->k", best.J, data - best.value) - best.x
         scale = jnp.diag(A)
-        dx = cho_solve((jnp.linalg.cholesky(A + jnp.diag(damping * scale)), True), g)
+        dx = solve_definite(A + jnp.diag(damping * scale), g[:, None])[:, 0]
         gain = 0.5 * jnp.sum(dx * (g + damping * scale * dx))
         return _State(
             trial=best.x + dx,

@@ -65,12 +65,11 @@ def _scan_block(
 
 @jax.jit
 def _force_block(records: Measured, x: Float[Array, "j k"]) -> Float[Array, "j p l a"]:
-    def one(job: tuple[Measured, Array]) -> Array:
-        measured, x = job
+    def one(measured: Measured, x: Array) -> Array:
         found = linearise(measured, (), _NOTHING, x, jnp.zeros(0))
         return forcing_evidence(measured, found.linear, x)
 
-    return jax.lax.map(one, (records, x))
+    return jax.vmap(one)(records, x)
 
 
 _NOTHING = Catalogue(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0))

@@ -65,7 +65,7 @@ def forcing_evidence(
     )
     flat = jnp.asarray(scale.reshape(-1, scale.shape[-1]))
     by_weight = jax.vmap(one, (0, None, None, None))
-    found = jax.lax.map(lambda place: by_weight(flat, *place), (FF, FJ, Fe))
+    found = jax.vmap(lambda *place: by_weight(flat, *place))(FF, FJ, Fe)
     return found.reshape(len(FORCED), len(LENGTHS), len(AMPLITUDES_MMHG))
 
 

@@ -44,7 +44,8 @@ def read_record(path: pathlib.Path, *, needs_data: bool = True) -> tuple[Record,
     document = read_document(file)
     context = Context(file, [], {key: {} for key in FREE_TEXT}, homes())
     values = read_record_tables(document, context)
-    conditions = [_condition(entry, context) for entry in values["condition"]]
+    found = [_condition(entry, context) for entry in values["condition"]]
+    conditions = [condition for condition in found if condition is not None]
     if (
         needs_data
         and not context.faults
@@ -66,7 +67,7 @@ def read_record(path: pathlib.Path, *, needs_data: bool = True) -> tuple[Record,
     return record, _remarks(record)
 
 
-def _condition(entry: Mapping[str, Any], context: Context) -> RecordedCondition:
+def _condition(entry: Mapping[str, Any], context: Context) -> RecordedCondition | None:
     values = {name: value for name, value in entry.items() if name not in ("file", "heading")}
     beats = {}
     key = f"{entry['heading']}.file"
@@ -74,6 +75,9 @@ def _condition(entry: Mapping[str, Any], context: Context) -> RecordedCondition:
     if entry["file"] is not None and period is not None and peak is not None:
         beats = read_beats(entry["file"], period, peak, key, context.faults)
         _check_means(values, beats, entry["heading"], context)
+    needed = ("name", "drug", "period", "P_systolic", "P_diastolic")
+    if any(values[name] is None for name in needed):
+        return None
     return RecordedCondition(**values, beats=beats)
 
 

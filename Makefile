@@ -5,7 +5,7 @@ BIN := .venv/bin
 .PHONY: demo test lint benchmark format clean
 
 demo: .venv/installed
-	$(BIN)/jaxfsi run --demo --out results
+	$(BIN)/jaxfsi study --demo --quick --out results
 
 test: .venv/installed-test lint
 	$(BIN)/python -m pytest -m "not slow and not gpu" -n 2 --dist loadfile --max-worker-restart 0 --durations 15

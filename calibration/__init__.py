@@ -19,8 +19,18 @@ from calibration.identifiability import (
     identifiability,
     ratio_identifiability,
 )
+from calibration.in_loop import (
+    MOST_EXTRA_RUNS,
+    RATIO_TOLERANCE,
+    LoopFit,
+    Trial,
+    calibrate_in_loop,
+    next_alpha,
+    surrogate_ratio,
+)
 from calibration.optimum import Fit
 from calibration.profile import Profile, profile
+from calibration.ramp import PAPER_DROP, RampFit, RampRecord, fit_ramp, measured_slope
 from calibration.reduced_law import (
     LumenLosses,
     PressureFlowLaw,

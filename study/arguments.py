@@ -8,12 +8,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from diagnosis import RICHNESS
 from jaxfsi.meshing.sizes import PRESETS
 from study.cache import VARIABLE
 from study.mesh_results import FORMATS
 
 LARGEST_COUNT = 1_000_000
-_ON_CASES = ("run", "calibrate", "sweep", "mesh", "simulate")
+_ON_RECORDS = ("diagnose", "plan-measurement")
+_ON_CASES = ("run", "calibrate", "sweep", "mesh", "simulate", "study")
 
 _DESCRIPTION = """\
 Pressure ratios (FFR, resting Pd/Pa) of anomalous coronary arteries by reduced models that are
@@ -93,6 +95,56 @@ simulation.json and simulation.html. A run that was ended goes on when the same 
 again (its input is compared by hash); --restart forgets it. Ctrl-C keeps all that was computed.
 """,
     ),
+    "study": (
+        "algorithm 1 in 3D: ramp, calibration in the loop, rest and stress",
+        """\
+examples:
+  jaxfsi study case.toml --preset coarse             everything, one cycle each
+  jaxfsi study case.toml --cycles 4 --continued      four cycles at rest, then four under stress
+  jaxfsi study case.toml --rules printed,all --nominal
+  jaxfsi study --demo --quick --out results          the bundled patient in about ten minutes
+
+needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,
+pictures, stages/ and the fields of every run below runs/. Given again, the command goes on where it
+was ended; what does not follow from a changed input is not computed again.
+""",
+    ),
+    "cohort": (
+        "many cases side by side, and how predicted and measured ratios agree",
+        """\
+examples:
+  jaxfsi cohort patients/                        in 0D, with the curve of each artery
+  jaxfsi cohort patients/ --mode 3d --workers 2 -- --preset coarse --nominal --rules printed,all
+  jaxfsi cohort --demo --out results             the ten virtual children that come with the package
+
+DIR holds NAME/case.toml or NAME.toml for each patient. What stands behind -- goes to the command of
+each case (run in mode curve, study in mode 3d). Each runs in a process of its own; one that fails
+does not stop the others. Given again, the command goes on with those that are not finished. Writes
+cohort.html, cohort.json and a folder with the report of each case.
+""",
+    ),
+    "diagnose": (
+        "say where simulation and measurement differ, which effect causes it, how far it shrinks",
+        """\
+examples:
+  jaxfsi diagnose record                       a folder with record.toml
+  jaxfsi diagnose record --case case.toml      R0 from the patient's case
+  jaxfsi diagnose record --richness means      use no more than means of the record
+
+writes diagnosis.json and diagnosis.html. Conditions with held_out = true are predicted and only
+then compared.
+""",
+    ),
+    "plan-measurement": (
+        "say which measurement would tell the likely causes apart",
+        """\
+examples:
+  jaxfsi plan-measurement record
+
+also says which effects each set of sensors could show at all in the conditions of the record; a
+record without any data is enough for that. Writes plan.json.
+""",
+    ),
     "show": (
         "print a stored result; with --out, write its report again",
         """\
@@ -144,23 +196,42 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         what = parsers[name].add_mutually_exclusive_group(required=True)
         what.add_argument("case", nargs="?", type=pathlib.Path, help="case file", metavar="CASE")
         what.add_argument("--demo", action="store_true", help="use the bundled patient")
+    _cohort_arguments(parsers["cohort"])
     sweep = parsers["sweep"]
     sweep.add_argument("--alpha", type=alpha_range, required=True, metavar="FROM:TO:N")
     sweep.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
     sweep.add_argument("--rule", help="stress rule: printed, all, or factors of the case")
     _mesh_arguments(parsers["mesh"])
     _simulation_arguments(parsers["simulate"])
+    _study_arguments(parsers["study"])
     parsers["run"].add_argument(
         "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
+    )
+    for name in _ON_RECORDS:
+        parsers[name].add_argument("record", type=pathlib.Path, metavar="RECORD", help="its folder")
+        parsers[name].add_argument(
+            "--case", type=pathlib.Path, metavar="CASE", help="case file that R0 is taken from"
+        )
+    parsers["diagnose"].add_argument(
+        "--richness", choices=RICHNESS, help="use no more of the record; default: all"
     )
     parsers["show"].add_argument("result", type=pathlib.Path, metavar="RESULT", help="its folder")
     for name, command in parsers.items():
         where = "folder for the output"
         if name in _ON_CASES:
             where += " (default: CASE-results beside the case; ./results for --demo)"
+        if name in _ON_RECORDS:
+            where += " (default: RECORD-results beside the record)"
         command.add_argument("--out", type=pathlib.Path, metavar="DIR", help=where)
         command.add_argument("--json", action="store_true", help="print one JSON object, only")
-    return parser.parse_args(list(argv))
+    given = list(argv)
+    rest: list[str] | None = None
+    if "--" in given and given[:1] == ["cohort"]:
+        at = given.index("--")
+        given, rest = given[:at], given[at + 1 :]
+    options = parser.parse_args(given)
+    options.options = rest
+    return options
 
 
 def _mesh_arguments(command: argparse.ArgumentParser) -> None:
@@ -201,6 +272,54 @@ def _simulation_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--restart", action="store_true", help="forget an earlier run in the folder"
     )
+
+
+def _study_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--preset", choices=tuple(PRESETS), help="30k, 150k or 500k tetrahedra")
+    command.add_argument("--dt", type=_positive(0.1), metavar="S", help="step in s; default: 1e-3")
+    command.add_argument(
+        "--cycles", type=_count(1, 100), metavar="N", help="of each run; default: 1"
+    )
+    command.add_argument(
+        "--continued", action="store_true", help="stress goes on from the end of rest"
+    )
+    command.add_argument(
+        "--rules", type=_names, metavar="NAMES", help="stress rules, such as printed,all"
+    )
+    command.add_argument(
+        "--conditions", type=_names, metavar="NAMES", help="under stress; default: all of the case"
+    )
+    command.add_argument("--nominal", action="store_true", help="also run with alpha = 1")
+    command.add_argument(
+        "--paper",
+        action=argparse.BooleanOptionalAction,
+        help="also run rest with the alpha of the linear surrogate; default: unless --quick",
+    )
+    command.add_argument(
+        "--ramp-rate", type=_positive(1e4), metavar="R", help="mmHg/s; default: 37.5, the paper's"
+    )
+    command.add_argument(
+        "--quick",
+        action="store_true",
+        help="coarse mesh, steps of 2 ms, a ramp of 150 mmHg/s, dobutamine alone",
+    )
+
+
+def _cohort_arguments(command: argparse.ArgumentParser) -> None:
+    what = command.add_mutually_exclusive_group(required=True)
+    what.add_argument("folder", nargs="?", type=pathlib.Path, help="folder of cases", metavar="DIR")
+    what.add_argument("--demo", action="store_true", help="use the bundled virtual cohort")
+    command.add_argument(
+        "--mode", choices=("curve", "3d"), default="curve", help="0D or 3D; default: curve"
+    )
+    command.add_argument(
+        "--workers", type=_count(1, 1024), metavar="N", help="cases at a time; default: one a core"
+    )
+
+
+def _names(text: str) -> tuple[str, ...]:
+    """`a,b` as names, each once."""
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
 
 
 def _positive(high: float) -> Callable[[str], float]:

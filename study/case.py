@@ -355,6 +355,14 @@ REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
         _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
         _tissue,
     ),
+    "study": (
+        _rest,
+        _rest_ffr,
+        _anatomy,
+        _ivus_key("centerline", "centerline", _LINE),
+        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _tissue,
+    ),
 }
 """What each command needs; a new command adds its line."""
 

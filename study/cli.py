@@ -12,12 +12,24 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
+from diagnosis import Record
+from study.algorithm import run_study
+from study.algorithm_report import stored_study_report, write_study
 from study.anatomy_source import case_anatomy, states_of
 from study.arguments import parse
 from study.cache import use_cache
 from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
-from study.demo import demo_case_path
+from study.cohort_command import cohort_command, cohort_report
+from study.demo import demo_case_path, demo_cohort_path
+from study.diagnosis_report import diagnosis_report
+from study.diagnosis_results import (
+    DIAGNOSIS_FILE,
+    DIAGNOSIS_PAGE,
+    PLAN_FILE,
+    diagnosis_document,
+)
+from study.diagnosis_run import diagnose_record, plan_record, with_case
 from study.faults import CaseError, Fault
 from study.mesh_case import (
     chosen_states,
@@ -31,15 +43,18 @@ from study.mesh_results import embedded, mesh_document, stored_pictures, write_m
 from study.output import OutputRefused, check_folder, write_files, write_tree
 from study.pipeline import run_case
 from study.progress import Progress
-from study.provenance import provenance
+from study.provenance import origin, provenance
+from study.record_file import read_record, record_path
 from study.report import html_report, simulation_report
 from study.results import (
+    COHORT_PAGE,
     MESH_FILE,
     PAGE_FILE,
     REPORT_FILE,
     RESULT_FILE,
     SIMULATION_FILE,
     SIMULATION_PAGE,
+    STUDY_PAGE,
     Document,
     calibration_document,
     case_document,
@@ -53,7 +68,7 @@ from study.simulation_case import (
     plan_steps,
     prepare_simulation,
 )
-from study.simulation_pictures import draw_simulation
+from study.simulation_pictures import draw_simulation, inlet_of
 from study.simulation_results import (
     SERIES_FILE,
     Drawn,
@@ -63,6 +78,7 @@ from study.simulation_results import (
     write_pictures,
 )
 from study.simulation_run import STEP_NAME, clear_run, run_simulation
+from study.study_command import study_case, study_choice
 from study.summary import summary
 from study.sweep import (
     FIGURE_FILE,
@@ -197,7 +213,11 @@ def _simulate(options: argparse.Namespace) -> None:
         anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
         drawn = Drawn(
             *draw_simulation(
-                folder / SERIES_FILE, setup.mesh, anatomy, outcome.record, schedule.period
+                folder / SERIES_FILE,
+                setup.mesh,
+                anatomy,
+                inlet_of(outcome.record),
+                schedule.period,
             )
         )
         progress.step("writing the report")
@@ -217,6 +237,26 @@ def _simulate(options: argparse.Namespace) -> None:
         raise KeyboardInterrupt(f"interrupted; what was computed is in {folder}. {again}")
     if outcome.failure:
         raise RuntimeError(f"{outcome.failure} What was computed before is in {folder}.")
+
+
+def _study(options: argparse.Namespace) -> None:
+    case, folder = _open(options)
+    case = study_case(case, options)
+    choice = study_choice(case, options)
+    with Progress() as progress:
+        result = run_study(case, folder, choice, progress=progress)
+        document, written = write_study(result, provenance(case, options.command_line), progress)
+    _show(options, document, written)
+
+
+def _cohort(options: argparse.Namespace) -> None:
+    if options.demo:
+        options.folder = demo_cohort_path()
+    beside = pathlib.Path(f"{options.folder.name}-results")
+    fallback = pathlib.Path("results") if options.demo else options.folder.parent / beside
+    folder = check_folder(options.out or fallback)
+    document, written = cohort_command(options, folder)
+    _show(options, document, written)
 
 
 def _calibrate(options: argparse.Namespace) -> None:
@@ -242,6 +282,45 @@ def _sweep(options: argparse.Namespace) -> None:
     _show(options, document, write_files(folder, files))
 
 
+def _diagnose(options: argparse.Namespace) -> None:
+    record, remarks, folder = _open_record(options)
+    with Progress() as progress:
+        diagnosis = diagnose_record(record, options.richness, progress)
+        progress.step("writing the report")
+        document = diagnosis_document(record, remarks, diagnosis, _record_origin(options))
+        files = {DIAGNOSIS_PAGE: diagnosis_report(document), DIAGNOSIS_FILE: to_json(document)}
+        written = write_files(folder, files)
+    _show(options, document, written)
+
+
+def _plan(options: argparse.Namespace) -> None:
+    record, _, folder = _open_record(options, needs_data=False)
+    with Progress() as progress:
+        document = plan_record(record, progress, _record_origin(options))
+    _show(options, document, write_files(folder, {PLAN_FILE: to_json(document)}))
+
+
+def _open_record(
+    options: argparse.Namespace, *, needs_data: bool = True
+) -> tuple[Record, tuple[str, ...], pathlib.Path]:
+    """The record, what it lacks, and the checked folder for results; computing may begin."""
+    record, remarks = read_record(options.record, needs_data=needs_data)
+    if options.case is not None:
+        record, more = with_case(record, read_case(options.case))
+        remarks = (*remarks, more)
+    place = record_path(options.record).resolve().parent
+    folder = place.parent / f"{place.name}-results" if options.out is None else options.out
+    folder = check_folder(folder)
+    use_cache()
+    return record, remarks, folder
+
+
+def _record_origin(options: argparse.Namespace) -> Document:
+    file = record_path(options.record)
+    files = [file, *sorted(file.parent.glob("*.csv"))]
+    return origin(files, file.parent, options.command_line)
+
+
 def _show_result(options: argparse.Namespace) -> None:
     document = load_document(options.result)
     try:
@@ -256,7 +335,13 @@ def _show_result(options: argparse.Namespace) -> None:
         ) from error
     written = []
     if options.out is not None:
-        names = {"mesh": PAGE_FILE, "simulate": SIMULATION_PAGE}
+        names = {
+            "mesh": PAGE_FILE,
+            "simulate": SIMULATION_PAGE,
+            "study": STUDY_PAGE,
+            "cohort": COHORT_PAGE,
+            "diagnose": DIAGNOSIS_PAGE,
+        }
         name = names.get(document["kind"], REPORT_FILE)
         written = write_files(check_folder(options.out), {name: page})
     _show(options, document, written)
@@ -264,8 +349,14 @@ def _show_result(options: argparse.Namespace) -> None:
 
 def _page(result: pathlib.Path, document: Document) -> str:
     """The report of a stored result."""
+    folder = result if result.is_dir() else result.parent
+    if document["kind"] == "cohort":
+        return cohort_report(document)
+    if document["kind"] == "study":
+        return stored_study_report(folder, document)
+    if document["kind"] == "diagnose":
+        return diagnosis_report(document)
     if document["kind"] == "simulate":
-        folder = result if result.is_dir() else result.parent
         return simulation_report(document, stored_simulation_pictures(folder, document))
     return html_report(document, _pictures_beside(result, document))
 
@@ -295,8 +386,12 @@ _COMMANDS = {
     "run": _run,
     "mesh": _mesh,
     "simulate": _simulate,
+    "study": _study,
+    "cohort": _cohort,
     "calibrate": _calibrate,
     "sweep": _sweep,
+    "diagnose": _diagnose,
+    "plan-measurement": _plan,
     "show": _show_result,
     "template": _template,
 }

@@ -103,7 +103,10 @@ class Progress:
             now = time.monotonic()
             if self._told is not None:
                 text, end = self._told
-                return f"{text} ({_span(now - self._start)} so far, {_left(end - now)})"
+                pace = (self._spent + 1.0) / (self._expected + 1.0)
+                later = sum(seconds for _, seconds in self._plan[self._at + 1 :]) * pace
+                left = _left(max(end - now, 0.0) + later)
+                return f"{text} ({_span(now - self._start)} so far, {left})"
             name = self._plan[self._at][0] if self._at >= 0 else "starting"
             pace = (self._spent + 1.0) / (self._expected + 1.0)
             current = self._plan[self._at][1] * pace if self._at >= 0 else 0.0

@@ -27,11 +27,24 @@ def provenance(case: Case, command: Sequence[str]) -> dict[str, Any]:
         case: the case; its file and all files that it names are hashed.
         command: the command as it was given.
     """
+    return origin(input_files(case), case.path.parent, command)
+
+
+def origin(
+    files: Sequence[pathlib.Path], folder: pathlib.Path, command: Sequence[str]
+) -> dict[str, Any]:
+    """What must be known to compute a result from some files again.
+
+    Args:
+        files: the input; all are hashed.
+        folder: paths are given relative to it.
+        command: the command as it was given.
+    """
     return {
-        "inputs": [_input(path, case.path.parent) for path in input_files(case)],
+        "inputs": [_input(path, folder) for path in files],
         "command": list(command),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "versions": {"python": platform.python_version(), **_versions()},
+        "versions": versions(),
         "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
         "commit": commit(),
     }
@@ -102,8 +115,9 @@ def _input(path: pathlib.Path, folder: pathlib.Path) -> dict[str, Any]:
     return {"file": name, "sha256": sha256(path), "bytes": path.stat().st_size}
 
 
-def _versions() -> dict[str, str | None]:
-    found: dict[str, str | None] = {}
+def versions() -> dict[str, str | None]:
+    """Versions of Python and of the packages that can move a number; None: not installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
             found[name] = importlib.metadata.version(name)

@@ -28,12 +28,12 @@ def html_report(document: Document, pictures: Pictures | None = None) -> str:
         pictures: addresses of pictures by state and name, see `study.mesh_results.embedded`.
     """
     if document["kind"] == "mesh":
-        return _rendered("mesh.html", d=document, meshes=list(mesh_rows(document, pictures or {})))
-    return _rendered(
+        return rendered("mesh.html", d=document, meshes=list(mesh_rows(document, pictures or {})))
+    return rendered(
         "report.html",
         d=document,
         meshes=list(mesh_rows(document.get("mesh") or {}, pictures or {})),
-        fig=_safe(figures(document)),
+        fig=safe(figures(document)),
         laws=laws(document),
         rows=list(ratio_rows(document)),
         gaps=list(gap_rows(document)),
@@ -49,16 +49,17 @@ def simulation_report(document: Document, pictures: Mapping[str, str]) -> str:
         document: what `simulation_document` made, fresh or read back.
         pictures: addresses of pictures by name.
     """
-    return _rendered(
+    return rendered(
         "simulation.html",
         d=document,
-        fig=_safe(simulation_figures(document)),
+        fig=safe(simulation_figures(document)),
         picture=pictures,
         captions=PICTURES,
     )
 
 
-def _rendered(name: str, **values: Any) -> str:
+def rendered(name: str, **values: Any) -> str:
+    """A page from its template."""
     folder = importlib.resources.files("study") / "templates"
     environment = jinja2.Environment(
         autoescape=True,
@@ -71,7 +72,8 @@ def _rendered(name: str, **values: Any) -> str:
     return environment.get_template(name).render(**values)
 
 
-def _safe(drawn: Mapping[str, str]) -> dict[str, Markup]:
+def safe(drawn: Mapping[str, str]) -> dict[str, Markup]:
+    """Figures that a template may insert as they are."""
     return {name: Markup(text) for name, text in drawn.items()}
 
 
@@ -80,7 +82,7 @@ def mesh_rows(part: Document, pictures: Pictures) -> Iterator[dict[str, Any]]:
     for state, entry in part.get("states", {}).items():
         yield {
             **entry,
-            "fig": _safe(mesh_figures(entry)),
+            "fig": safe(mesh_figures(entry)),
             "picture": pictures.get(state, {}),
             "seconds": sum(entry["wall_time_s"].values()),
         }

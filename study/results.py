@@ -26,8 +26,18 @@ FORMAT = "jaxfsi 1"
 RESULT_FILE, REPORT_FILE = "result.json", "report.html"
 MESH_FILE, PAGE_FILE = "mesh.json", "mesh.html"
 SIMULATION_FILE, SIMULATION_PAGE = "simulation.json", "simulation.html"
+STUDY_FILE, STUDY_PAGE = "study.json", "study.html"
+COHORT_FILE, COHORT_PAGE = "cohort.json", "cohort.html"
 
-_FILES = (RESULT_FILE, MESH_FILE, SIMULATION_FILE)
+_FILES = (
+    COHORT_FILE,
+    STUDY_FILE,
+    RESULT_FILE,
+    MESH_FILE,
+    SIMULATION_FILE,
+    "diagnosis.json",
+    "plan.json",
+)
 
 Document = dict[str, Any]
 
@@ -74,6 +84,9 @@ def to_json(document: Mapping[str, Any]) -> str:
 def without_waveforms(document: Document) -> Document:
     """The document without its long arrays: waveforms, histories, outlines of meshed lumens."""
     short = {n: part for n, part in document.items() if n not in ("waveforms", "history")}
+    if document["kind"] == "study":
+        runs = [{k: v for k, v in run.items() if k != "history"} for run in short["runs"]]
+        return {**short, "runs": runs}
     if document["kind"] == "mesh":
         return {**short, "states": _without_outlines(short["states"])}
     mesh = short.get("mesh")
@@ -99,7 +112,7 @@ def load_document(path: pathlib.Path) -> Document:
     """Read a document that was written before.
 
     Args:
-        path: the file, or the folder that holds `result.json`, `mesh.json` or `simulation.json`.
+        path: the file, or the folder that holds `result.json`, `mesh.json`, `study.json`, ....
 
     Raises:
         CaseError: the file cannot be read, or is no document of this layout.

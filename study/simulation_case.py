@@ -10,8 +10,9 @@
 Under stress the rule of the case changes all blocks. Each starts from the periodic state that it
 has in 0D behind the aortic pressure (the anomalous one behind the surrogate of its artery), so that
 no cycles are lost on filling it; the blood starts at rest under the pressure of the inlet. The wall
-carries the diastolic pressure in the shape of the image, against no pressure outside, by prestress;
-a case can have it free of stress there instead, with the diastolic pressure outside.
+carries the diastolic pressure at rest (that of the condition, where the case has no rest) in the
+shape of the image, against no pressure outside, by prestress; a case can have it free of stress
+there instead, with that pressure outside.
 
 Source: Puelz et al. 2024, section 2.3.
 """
@@ -25,22 +26,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration import alpha_closed_form, calibrate_alpha, systemic_windkessel
-from jaxfsi import OUTER_WALL, Mesh, Region, submesh
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
-from jaxfsi.core.model import Model, build_model
+from jaxfsi import Mesh, Region, submesh
+from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, Port, PressurePort
-from jaxfsi.core.prestress import prestressed
-from jaxfsi.core.solid import Wall
 from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.statics import Loads, pressure_load, static_factor
-from jaxfsi.core.viscosity import Newtonian
 from lumped import (
     RCR,
     AorticPressure,
     Coronary,
     PressureSource,
     Propagator,
+    Shooting,
     StressRule,
     Surrogate,
     VentricularPressure,
@@ -49,8 +45,9 @@ from lumped import (
     solve_periodic,
 )
 from lumped.network import Network
-from lumped.waveforms import AbstractWaveform, Constant
+from lumped.waveforms import AbstractWaveform
 from study.case import Case, Condition
+from study.case_model import Keep, case_model
 from study.faults import CaseError, Fault
 from study.patient import Patient, condition_of, load_patient, stress_rules
 
@@ -65,13 +62,6 @@ CYCLES = 4
 
 FRAMES = 40
 """Frames of fields in a cycle where the case says nothing."""
-
-MATERIALS = {
-    "linear": LinearElastic,
-    "saint_venant_kirchhoff": SaintVenantKirchhoff,
-    "neo_hookean": NeoHookean,
-}
-"""Elastic laws of the wall by name."""
 
 LARGEST_NU = 0.499
 """Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
@@ -215,6 +205,7 @@ def prepare_simulation(
     *,
     rigid: bool = False,
     alpha: float | None = None,
+    keep: Keep | None = None,
 ) -> Setup:
     """Put model and start of a run together.
 
@@ -225,6 +216,7 @@ def prepare_simulation(
         schedule: see `plan_steps`.
         rigid: leave the wall out.
         alpha: scale of the anomalous outlet; None: as calibrated, 1 where that is not possible.
+        keep: see `case_model`.
 
     Raises:
         CaseError: the case cannot be calibrated.
@@ -239,25 +231,11 @@ def prepare_simulation(
     for name in mesh.openings:
         block = outlets.blocks.get(name)
         ports[name] = PressurePort(inlet) if block is None else BlockPort(block)
-    loaded = not rigid and case.wall.prestress == "diastole"
-    if loaded:
-        ports[OUTER_WALL] = PressurePort(Constant(0.0))
-    model = build_model(
-        mesh,
-        ports,
-        blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
-        wall=None
-        if rigid
-        else Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s),
-        wall_element=case.wall.element,
-        P_ambient=entry.P_diastolic,
-    )
-    if loaded:
-        # from the ambient pressure the lumen is free of load, and the outside is pulled
-        outside = pressure_load(mesh, OUTER_WALL, -entry.P_diastolic, model)
-        model = prestressed(model, Loads((outside,)), static_factor(model)).model
+    image = case.conditions.get("rest", entry)
+    model = case_model(case, mesh, ports, image.P_diastolic, rigid=rigid, keep=keep)
     starts = tuple(
-        jnp.asarray(outlets.starts[name]) if name in outlets.starts else None for name in ports
+        jnp.asarray(outlets.starts[name]) if name in outlets.starts else None
+        for name in model.names
     )
     state = initial_state(model, p=inlet(0.0), blocks=starts)
     return Setup(mesh, model, state, inlet, outlets, schedule)
@@ -286,7 +264,7 @@ def _outlets(
     rule = None if entry.kind == "rest" else stress_rules(case)[case.stress.rule]
     patient = _patient(case)
     alpha, origin = _alpha(patient, alpha)
-    R0 = 0.0 if patient is None else float(patient.model.surrogate.R0)
+    own = None if patient is None else patient.model.surrogate
     blocks: dict[str, RCR | Coronary] = {OUTLET: _windkessel(case, condition, rule)}
     starts = {OUTLET: _start(inlet, entry.period, blocks[OUTLET])}
     for name in mesh.openings:
@@ -294,8 +272,8 @@ def _outlets(
             continue
         scale = alpha if name.startswith(ANOMALOUS) else 1.0
         block = blocks[name] = _coronary(case, entry, rule, scale)
-        if name.startswith(ANOMALOUS) and R0 > 0.0:
-            before = Surrogate(R0=R0, C0=case.surrogate.C0, coronary=block)
+        if name.startswith(ANOMALOUS) and own is not None:
+            before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=block)
             starts[name] = _states(before.network(condition_of(entry), inlet=inlet), entry.period)
         else:
             starts[name] = _start(inlet, entry.period, block)
@@ -357,6 +335,7 @@ def _start(inlet: AbstractWaveform, period: float, block: RCR | Coronary) -> np.
 
 
 def _states(network: Network, period: float) -> np.ndarray:
-    solution = solve_periodic(network, period, Propagator())
+    solver = Propagator() if network.is_linear else Shooting()
+    solution = solve_periodic(network, period, solver)
     names = network["coronary"].state_names
     return np.array([float(solution.state("coronary", name)[0]) for name in names])

@@ -1,10 +1,13 @@
 """A strip of pictures of a run: instants of its last cycle side by side."""
 
 import importlib.util
+import io
 import pathlib
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from PIL import Image
 
 from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
@@ -28,6 +31,7 @@ PICTURES = {
 _PHASES = (0.15, 0.3, 0.4, 0.6, 0.9)
 _ADAPTER = pathlib.Path(__file__).parent / "simulation_rendering.py"
 _TIMEOUT = 300.0
+_MOST_FILM_FRAMES = 24
 
 
 def chosen_frames(entries: Sequence[Entry], period: float) -> list[Entry]:
@@ -43,18 +47,35 @@ def chosen_frames(entries: Sequence[Entry], period: float) -> list[Entry]:
     return [entries[k] for k in dict.fromkeys(places)]
 
 
+class Inlet(NamedTuple):
+    """The aortic pressure over a run, from which pictures count.
+
+    Attributes:
+        t: times [s].
+        P_mmHg: pressure at these times [mmHg].
+    """
+
+    t: np.ndarray
+    P_mmHg: np.ndarray
+
+
+def inlet_of(record: Record) -> Inlet:
+    """The aortic pressure of a run."""
+    return Inlet(record.t, record.P_port[:, 0] / MMHG)
+
+
 def draw_simulation(
-    series: pathlib.Path, mesh: Mesh, anatomy: Anatomy | None, record: Record, period: float
+    series: pathlib.Path, mesh: Mesh, anatomy: Anatomy | None, inlet: Inlet, period: float
 ) -> tuple[dict[str, bytes], list[float], str | None]:
     """Pictures of a run as PNG files by name, their times [s], and why there are none."""
     frames = chosen_frames(read_series(series), period)
     times = [frame.t for frame in frames]
     if importlib.util.find_spec("pyvista") is None:
         return {}, times, "no pictures: pyvista is not installed; try pip install pyvista"
-    if not frames or not record.n_steps:
+    if not frames or not len(inlet.t):
         return {}, times, "no pictures: there is no frame yet"
     arrays = _scene(mesh, anatomy)
-    arrays["P_inlet_mmHg"] = np.interp(times, record.t, record.P_port[:, 0]) / MMHG
+    arrays["P_inlet_mmHg"] = np.interp(times, *inlet)
     options: dict[str, object] = {
         "files": [str(series.parent / frame.file) for frame in frames],
         "rigid": not np.any(mesh.region == Region.SOLID),
@@ -65,6 +86,36 @@ def draw_simulation(
         reason = str(error).split(". ")[0].removeprefix("simulation_rendering ")
         return {}, times, f"no pictures: this machine cannot draw off screen ({reason})"
     return {name: content.tobytes() for name, content in drawn.items()}, times, None
+
+
+def draw_film(
+    series: pathlib.Path, mesh: Mesh, anatomy: Anatomy | None, inlet: Inlet, period: float
+) -> bytes | None:
+    """The slice of the pressure and the moving wall over the last cycle as an animated GIF.
+
+    None where nothing can be drawn.
+    """
+    entries = read_series(series)
+    if importlib.util.find_spec("pyvista") is None or not entries or not len(inlet.t):
+        return None
+    cycle = [e for e in entries if e.t > entries[-1].t - period * (1.0 - 1e-6)]
+    cycle = cycle[:: max(1, -(-len(cycle) // _MOST_FILM_FRAMES))]
+    arrays = _scene(mesh, anatomy)
+    arrays["P_inlet_mmHg"] = np.interp([e.t for e in cycle], *inlet)
+    files = [str(series.parent / e.file) for e in cycle]
+    options: dict[str, object] = {"files": files, "rigid": False, "film": True}
+    try:
+        drawn = run_isolated(NativeCall(_ADAPTER, arrays, options, _TIMEOUT))
+    except MeshingError:
+        return None
+    images = [Image.open(io.BytesIO(drawn[name].tobytes())) for name in sorted(drawn)]
+    coloured = [image.convert("P", palette=Image.Palette.ADAPTIVE) for image in images]
+    buffer = io.BytesIO()
+    pause = max(20, round(4000.0 * period / len(coloured)))  # a quarter of the speed [ms]
+    coloured[0].save(
+        buffer, format="GIF", save_all=True, append_images=coloured[1:], duration=pause, loop=0
+    )
+    return buffer.getvalue()
 
 
 def _scene(mesh: Mesh, anatomy: Anatomy | None) -> dict[str, np.ndarray]:

@@ -37,6 +37,8 @@ def run(arrays: dict[str, np.ndarray], options: dict) -> dict[str, np.ndarray]:
     for part, P in zip(blood, arrays["P_inlet_mmHg"], strict=True):
         part["drop"] = part["pressure_mmHg"] - P
         part["speed"] = np.linalg.norm(part["velocity_cm_per_s"], axis=1)
+    if options.get("film"):
+        return _film(blood, wall, arrays)
     drawn = {
         "pressure": _slices(blood, wall, "drop", _PRESSURE, arrays, "near_half"),
         "speed": _slices(blood, wall, "speed", _SPEED, arrays, "near_half"),
@@ -96,8 +98,10 @@ _TITLES = {
 }
 
 
-def _slices(blood, wall, name: str, colours: Any, arrays: dict, half: str) -> bytes:
-    low, high = _range(blood, name, 0.5, 99.5)
+def _slices(
+    blood, wall, name: str, colours: Any, arrays: dict, half: str, limits: Any = None
+) -> bytes:
+    low, high = limits or _range(blood, name, 0.5, 99.5)
     plotter, actor = _plotter(len(blood)), None
     for column, (inside, outside) in enumerate(zip(blood, wall, strict=True)):
         plotter.subplot(0, column)
@@ -116,6 +120,16 @@ def _slices(blood, wall, name: str, colours: Any, arrays: dict, half: str) -> by
         _look(plotter, centre, arrays["normal"], arrays["up"], float(arrays[half]))
     _scale(plotter, len(blood), actor, _TITLES[name])
     return _png(plotter)
+
+
+def _film(blood, wall, arrays: dict) -> dict[str, np.ndarray]:
+    """One picture a frame, of the pressure; all with one scale."""
+    low, high = _range(blood, "drop", 0.5, 99.5)
+    pictures = {}
+    for k, (inside, outside) in enumerate(zip(blood, wall, strict=True)):
+        content = _slices([inside], [outside], "drop", _PRESSURE, arrays, "near_half", (low, high))
+        pictures[f"frame-{k:03d}"] = np.frombuffer(content, dtype=np.uint8)
+    return pictures
 
 
 def _surfaces(grids, arrays: dict, rigid: bool) -> bytes:

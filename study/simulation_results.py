@@ -211,7 +211,7 @@ def _notes(
         text = f"{len(outcome.events)} steps failed and were repeated with smaller ones"
         notes.append(("info", text))
     if not setup.model.is_rigid:
-        P = case.conditions[condition].P_diastolic / MMHG
+        P = case.conditions.get("rest", case.conditions[condition]).P_diastolic / MMHG
         text = f"the wall carries the diastolic pressure, {P:.0f} mmHg, in the shape of the image"
         if case.wall.prestress == "none":
             text = (

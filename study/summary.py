@@ -16,8 +16,48 @@ def summary(document: Document) -> str:
         "sweep": _sweep,
         "mesh": _mesh,
         "simulate": _simulation,
+        "study": _study,
+        "cohort": _cohort,
+        "diagnose": _diagnosis,
+        "plan": _plan,
     }[document["kind"]]
     return "\n".join(lines(document)) + "\n"
+
+
+def _diagnosis(document: Document) -> Iterator[str]:
+    yield f"{document['id']}"
+    yield ""
+    yield document["sentence"]
+    yield ""
+    for name, p in list(document["probabilities"].items())[:6]:
+        yield f"  {name.replace('_', ' '):<44}{p:>7.3f}"
+    for effect in document["effects"]:
+        if effect["id"] in document["named"]:
+            yield f"  {effect['sentence']}; {effect['place']}"
+    for held in document["gap"]["held_out"]:
+        rms = held["P_distal_rms_mmHg"]
+        if rms is not None:
+            yield (
+                f"held out, {held['condition']}: distal pressure off by {rms['before']:.2f} mmHg "
+                f"before, {rms['after']:.2f} after, {rms['noise_floor']:.2f} from noise"
+            )
+    yield from _next(document)
+    for remark in document["remarks"]:
+        yield f"! {remark}"
+
+
+def _plan(document: Document) -> Iterator[str]:
+    yield f"{document['id']}"
+    yield from _next(document)
+    for name, row in document["sensors"].items():
+        yield f"{name}: {len(row['isolable'])} effects could be told, {', '.join(row['isolable'])}"
+
+
+def _next(document: Document) -> Iterator[str]:
+    for option in document["next_measurements"]:
+        first, second = (name.replace("_", " ") for name in option["separates"])
+        gain = option["expected_log_bayes_factor"]
+        yield f"measure next: {option['sensor']} ({first} against {second}, ln B {gain:.1f})"
 
 
 def _run(document: Document) -> Iterator[str]:
@@ -133,3 +173,44 @@ def _simulation(document: Document) -> Iterator[str]:
     for note in document["notes"]:
         yield ""
         yield f"{'! ' if note['level'] == 'warning' else ''}{note['text']}"
+
+
+def _study(document: Document) -> Iterator[str]:
+    yield f"{document['patient']}"
+    yield ""
+    yield document["verdict"]
+    yield ""
+    yield f"{'condition':<14}{'rule':<10}{'measured':>9}{'linear 0D':>11}{'curve 0D':>10}{'3D':>9}"
+    for row in document["rows"]:
+        cells = (row["measured"], row["linear_0d"], row["curve_0d"], row["fsi"])
+        text = ["-" if value is None else f"{value:.4f}" for value in cells]
+        yield (
+            f"{row['condition'][:13]:<14}{row['rule'] or '-':<10}"
+            f"{text[0]:>9}{text[1]:>11}{text[2]:>10}{text[3]:>9}"
+        )
+    yield ""
+    for entry in document["calibrations"]:
+        yield (
+            f"alpha = {entry['alpha']:<10.5g} {entry['origin']}: resting Pd/Pa in 3D"
+            f" {entry['rest_ratio']:.4f} ({signed(entry['error'], 4)})"
+        )
+    for note in document["notes"]:
+        if note["level"] == "warning":
+            yield ""
+            yield f"! {note['text']}"
+
+
+def _cohort(document: Document) -> Iterator[str]:
+    done = [p for p in document["patients"] if p["status"] == 0]
+    yield f"{len(done)} of {len(document['patients'])} cases, mode {document['mode']}"
+    yield ""
+    yield f"{'condition':<14}{'rule':<10}{'outlet':<12}{'n':>4}{'bias':>9}{'sd':>8}{'RMSE':>8}"
+    for group in document["groups"]:
+        sd = "-" if group["sd"] is None else f"{group['sd']:.4f}"
+        yield (
+            f"{group['condition'][:13]:<14}{group['rule'] or '-':<10}{group['boundary']:<12}"
+            f"{group['n']:>4}{signed(group['bias'], 4):>9}{sd:>8}{group['rmse']:>8.4f}"
+        )
+    for patient in document["patients"]:
+        if patient["status"] != 0:
+            yield f"! {patient['name']}: {patient['reason']}"

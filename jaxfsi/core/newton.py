@@ -36,9 +36,12 @@ LEAST_REDUCTION = 1e-4
 ROUND_OFF = 1e-14
 """Share of the forces on a node below which their sum cannot be told from zero."""
 
-DERIVATIVE_TOLERANCE = 5e-6
-"""Relative residual of the systems that give derivatives: what one solve in single precision can
-reach; less takes a second one, and twice the iterations."""
+DERIVATIVE_TOLERANCE = 1e-6
+"""Relative residual of the systems that give derivatives."""
+
+LEAST_REFINEMENT = 5e-6
+"""Furthest that one correction of such a system is asked to reduce its residual: below, single
+precision takes twice the iterations; what is left takes a second, short correction."""
 
 MOST_REFINEMENTS = 6
 """Corrections of such a system at most."""
@@ -211,7 +214,14 @@ def _(primals, tangents):
     def equations(model: Model, step: Step):
         return residual(y, model, step, stepper.method)
 
-    _, change = eqx.filter_jvp(equations, (model, step), (model_change, step_change))
+    r, change = eqx.filter_jvp(equations, (model, step), (model_change, step_change))
+    # a row that does not depend on what is changed has no tangent
+    change = jax.tree.map(
+        lambda r, dr: jnp.zeros_like(r) if dr is None else dr,
+        r,
+        change,
+        is_leaf=lambda a: a is None,
+    )
     b, unravel = ravel_pytree(change)
     scaling, forward = _scaling(model, stepper), tangent(y, model, step, stepper)
     backward = jax.linear_transpose(forward, b.astype(jnp.float32))
@@ -231,7 +241,8 @@ def _(primals, tangents):
 
         def refine(s):
             x, r, k = s
-            x = x + correct(r)
+            goal = 0.5 * DERIVATIVE_TOLERANCE * scaling.norm(b) / scaling.norm(r)
+            x = x + correct(r, jnp.maximum(goal, LEAST_REFINEMENT))
             return x, b - product(x), k + 1
 
         x, r, _ = jax.lax.while_loop(proceed, refine, (jnp.zeros_like(b), b, 0))
@@ -239,10 +250,10 @@ def _(primals, tangents):
         return jnp.where(solved, x, jnp.nan)
 
     def correction(product, *, transposed: bool):
-        def correct(r: Flat) -> Flat:
-            return scaling.correction(
-                product, r, 0.5 * DERIVATIVE_TOLERANCE, stepper.max_linear, transposed=transposed
-            )[0]
+        def correct(r: Flat, goal: Float[Array, ""]) -> Flat:
+            return scaling.correction(product, r, goal, stepper.max_linear, transposed=transposed)[
+                0
+            ]
 
         return correct
 

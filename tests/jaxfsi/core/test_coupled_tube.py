@@ -152,8 +152,8 @@ def test_recomputed_states_give_the_same_gradient(model, stepper):
         return jnp.mean(end.history.P_port[:, 1])
 
     slope = jax.jit(jax.grad(pressure), static_argnums=1)
-    # the same operations in another program
-    np.testing.assert_allclose(slope(1.5e6, True), slope(1.5e6, False), rtol=1e-7)
+    # the same operations in another program; systems are solved to 5e-6
+    np.testing.assert_allclose(slope(1.5e6, True), slope(1.5e6, False), rtol=1e-5)
 
 
 @pytest.mark.slow

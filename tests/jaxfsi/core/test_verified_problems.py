@@ -104,5 +104,6 @@ def test_derivatives_through_coupled_steps_are_those_of_differences():
         derivatives.compare_each(pressure, slope, parameters),
         strict=True,
     ):
-        # The differences' own error: a thousandth squared, and 1e-10 of noise over a thousandth.
-        assert c.error < 5e-6, name
+        # Each step's system is solved to 1e-6; the differences' own error is 2e-6: a thousandth
+        # squared, and 1e-10 of noise over a thousandth.
+        assert c.error < 2e-5, name

@@ -1,0 +1,59 @@
+"""Diagnoses of a folder of records, without any look at labels."""
+
+import pathlib
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2 as chi2_distribution
+
+from diagnosis import Diagnosis, diagnose, measured, stacked
+from diagnosis.prediction import n_unknowns
+from study.cache import use_cache
+from study.record_file import read_record
+
+
+def diagnose_folder(
+    folder: pathlib.Path, richness: str, *, prior_scale: float = 1.0
+) -> list[dict[str, Any]]:
+    """One row a record: probabilities, verdict, baselines, predictions of what is held out."""
+    use_cache()
+    places = sorted(place for place in folder.iterdir() if (place / "record.toml").is_file())
+    records = [read_record(place)[0] for place in places]
+    found = diagnose(stacked([measured(r, richness) for r in records]), prior_scale=prior_scale)
+    return [
+        {"case": int(place.name.split("-")[1]), **_row(diagnosis)}
+        for place, diagnosis in zip(places, found, strict=True)
+    ]
+
+
+def _row(d: Diagnosis) -> dict[str, Any]:
+    j = d.judgement
+    singles = {h[0]: f for h, f in d.fits.items() if len(h) == 1}
+    bic = {name: float(f.chi2) + float(f.x @ f.x) + np.log(d.n_data) for name, f in singles.items()}
+    base = float(d.base.chi2) + float(d.base.x @ d.base.x)
+    best = min(bic, key=lambda name: bic[name])
+
+    def wave(fitted: Any) -> list[float]:
+        return [round(float(v), 4) for v in np.asarray(fitted.waves)[-1, 1]]
+
+    return {
+        "verdict": j.verdict,
+        "named": list(j.named),
+        "probabilities": {k: v for k, v in j.probabilities.items() if v > 1e-9},
+        "inclusion": dict(j.inclusion),
+        "cover": list(j.cover),
+        "closed": j.closed,
+        "chi2": [float(d.base.chi2), float(d.best.chi2), d.n_data],
+        "chi2_p": float(
+            chi2_distribution.sf(float(d.base.chi2), max(d.n_data - n_unknowns(d.record), 1))
+        ),
+        "bic": best if bic[best] < base else "none",
+        "scan": max(d.scan, key=lambda name: d.scan[name]),
+        "forcing_log_B": float(np.max(d.forcing)),
+        "log_B": {"+".join(h): v for h, v in d.log_B.items()},
+        "held_out_waves": {
+            "before": wave(d.base),
+            "after": wave(d.best),
+            "single": {name: wave(f) for name, f in singles.items()},
+        },
+    }

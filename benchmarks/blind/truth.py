@@ -1,0 +1,218 @@
+"""Hidden truths of the blind benchmark: circuits stepped through time, with other forms of effects.
+
+All cases and conditions are lanes of one explicit Runge-Kutta march (fourth order, `STEPS` steps a
+beat, `BEATS` beats). Where the diagnosis guesses an equation the truth has another one: a loss with
+exponent 1.85, a tube law for the narrowing, two branches for the wall, saturating regulation, a
+catheter of second order, and so on. Units mmHg, mL, s.
+"""
+
+from typing import Any
+
+import numpy as np
+
+STEPS = 5000
+"""Steps a beat."""
+
+BEATS = 7
+"""Beats until the state repeats (slowest memory 0.16 a beat)."""
+
+SAMPLED = 128
+"""Samples kept of the last beat."""
+
+RANGES: dict[str, tuple[float, float, bool]] = {
+    "quadratic_loss": (1.5, 12.0, False),
+    "dynamic_narrowing": (0.3, 2.0, False),
+    "proximal_resistance": (0.25, 0.7, True),
+    "inertance": (0.03, 0.15, False),
+    "vasodilation": (0.2, 0.8, True),
+    "adenosine_vasodilation": (0.2, 0.8, True),
+    "r1_r3_dilation": (0.3, 1.0, False),
+    "autoregulation": (0.4, 1.6, False),
+    "stress_compliance": (0.3, 1.0, True),
+    "back_pressure": (4.0, 20.0, False),
+    "collateral_flow": (0.08, 0.4, False),
+    "intramyocardial_pump": (0.15, 0.6, True),
+    "dobutamine_inotropy": (0.15, 0.8, False),
+    "wall_viscoelasticity": (0.010, 0.060, False),
+    "wire_drift": (1.0, 4.0, True),
+    "sensor_height": (1.5, 7.0, True),
+    "aortic_zero_error": (1.5, 7.0, True),
+    "catheter_damping": (0.005, 0.030, False),
+    "signal_delay": (0.006, 0.040, True),
+    "aortic_waveform": (2.0, 9.0, True),
+}
+"""Range of each effect's size, drawn evenly in its logarithm; whether the sign is drawn too."""
+
+OUTSIDE: dict[str, tuple[float, float]] = {
+    "systolic_resistance": (0.5, 2.0),
+    "waterfall": (0.15, 0.4),
+    "stiffening_wall": (0.5, 1.5),
+    "threshold_collapse": (1.0, 4.0),
+    "echo": (0.08, 0.25),
+    "whip": (2.0, 8.0),
+    "clipping": (0.75, 0.93),
+    "sensor_gain": (0.03, 0.10),
+    "stress_resistance": (0.3, 0.8),
+    "long_ejection": (0.05, 0.15),
+}
+"""Effects outside the catalogue and their ranges."""
+
+_MMHG = 1333.22
+_R_1, _R_2, _R_3 = 3.1992e4 / _MMHG, 6.3984e4 / _MMHG, 2.666e5 / _MMHG
+_C_A, _C_IM, _C_0 = 4.5e-7 * _MMHG, 3e-6 * _MMHG, 1e-7 * _MMHG
+
+Lanes = dict[str, Any]
+
+
+def _bump(g: np.ndarray, k: float) -> np.ndarray:
+    inside = np.abs(g) < 1.0
+    gap = np.where(inside, 1.0 - np.where(inside, g, 0.0) ** 2, 1.0)
+    return np.where(inside, np.exp(k - k / gap), 0.0)
+
+
+def aortic(phase: np.ndarray, high: np.ndarray, low: np.ndarray) -> np.ndarray:
+    """Aortic pressure at a phase of the beat (Puelz et al. 2024)."""
+    rise = (high - low) * _bump(phase / 0.3 - 1.0, 2.0) + low
+    valve = (high - low) * _bump(np.full_like(phase, 0.35 / 0.3 - 1.0), 2.0) + low
+    return np.where(phase < 0.35, rise, valve * (low / valve) ** ((phase - 0.35) / 0.65))
+
+
+def ventricle(phase: np.ndarray, peak: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """Ventricular pressure; `late` lengthens ejection [beats]."""
+    end = 0.4 + late
+    return peak * _bump(2.0 * (phase - 0.0692) / (end - 0.0692) - 1.0, 0.3)
+
+
+class March:
+    """The lanes, their parameters and the rate of change of their states."""
+
+    def __init__(self, lanes: Lanes):
+        """Take lanes as arrays: settings, patient values and one size per effect (0: absent)."""
+        self.v = lanes
+        self.n = lanes["period"].size
+        e = lanes["sizes"]
+        s, a, d = lanes["stress"], lanes["adenosine"], lanes["dobutamine"]
+
+        def size(name: str) -> np.ndarray:
+            return e.get(name, np.zeros(self.n))
+
+        self.size = size
+        dilated = np.exp(-s * size("vasodilation") - a * size("adenosine_vasodilation"))
+        outer = s * size("r1_r3_dilation")
+        alpha = lanes["alpha"] * dilated
+        self.R_1 = _R_1 * alpha * 2.0 ** (-0.8 * outer)
+        self.R_2 = _R_2 * alpha * (1.0 - 0.5 * s)
+        self.R_3 = _R_3 * alpha * 2.0 ** (-outer)
+        stiff = np.exp(s * size("stress_compliance")) * (1.0 + s)
+        self.C_a = _C_A * lanes["C_a"] * stiff
+        self.C_im = _C_IM * lanes["C_im"] * stiff
+        self.C_0 = _C_0 * lanes["C0"]
+        self.R_0 = lanes["R0"] * np.exp(size("proximal_resistance"))
+        self.R_0 = self.R_0 * (1.0 + s * size("stress_resistance"))
+        self.L = size("inertance")
+        self.has_L = self.L > 0.0
+        self.K = size("quadratic_loss")
+        self.curved = np.flatnonzero(self.K > 0.0)
+        tau = size("wall_viscoelasticity")
+        self.viscous = tau > 0.0
+        self.tau = np.where(self.viscous, tau / 0.7, 1.0)
+        self.G = size("collateral_flow") / (_R_1 + _R_2 + _R_3) / alpha
+        self.squeeze = size("intramyocardial_pump") + d * size("dobutamine_inotropy")
+        self.late = size("long_ejection")
+        self.mean_2 = np.full(self.n, 70.0)
+
+    def inlet(self, phase: np.ndarray) -> np.ndarray:
+        """True aortic pressure."""
+        notch = np.exp(-0.5 * ((phase - 0.405) / 0.036) ** 2)
+        under = np.exp(-0.5 * ((phase - 0.345) / 0.025) ** 2)
+        extra = self.size("aortic_waveform") * (notch - 0.25 * under)
+        return aortic(phase, self.v["P_systolic"], self.v["P_diastolic"]) + extra
+
+    def muscle(self, phase: np.ndarray) -> np.ndarray:
+        """True pressure of the muscle on its vessels."""
+        plain = ventricle(phase, self.v["P_systolic"], self.late)
+        fuller = self.v["P_systolic"] * _bump((phase - 0.235) / 0.17, 0.45)
+        return plain + self.squeeze * (0.7 * plain + 0.3 * fuller)
+
+    def flow(self, P_in: np.ndarray, P_0: np.ndarray, Q_L: np.ndarray) -> np.ndarray:
+        """Flow into the ostium."""
+        u = self.size("dynamic_narrowing") * (P_in - 80.0) / 80.0
+        area = 1.0 - 0.5 * np.tanh(u / 0.8)
+        R = self.R_0 * area**-1.6
+        collapse = self.size("threshold_collapse")
+        R = R * (1.0 + collapse / (1.0 + np.exp(np.clip((P_0 - 55.0) / 2.0, -50, 50))))
+        Q = np.where(self.has_L, Q_L, (P_in - P_0) / R)
+        at = self.curved
+        if at.size:
+            drop, R_at, K = (P_in - P_0)[at], R[at], self.K[at]
+            q = np.abs(drop) / (R_at + K * np.sqrt(np.abs(drop) / K + 1e-12))
+            for _ in range(4):
+                power = K * (q + 1e-12) ** 0.85
+                q = np.maximum(q - (R_at * q + power * q - np.abs(drop)) / (R_at + 1.85 * power), 0)
+            Q[at] = np.sign(drop) * q
+        self.R_seen = R
+        return Q
+
+    def rate(self, phase: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rate of change of P_0, P_2, y, Q_L, branch volume; and the flow."""
+        P_0, P_2, y, Q_L, V_b = x
+        P_in, P_m = self.inlet(phase), self.muscle(phase)
+        Q = self.flow(P_in, P_0, Q_L)
+        gain = np.tanh(1.5 * (self.mean_2 - 70.0) / 70.0) / 1.5
+        R_2 = self.R_2 * np.exp(self.size("autoregulation") * gain)
+        R_2 = R_2 * (1.0 + self.size("systolic_resistance") * _bump((phase - 0.22) / 0.2, 1.0))
+        P_3 = y + P_m
+        through = (P_2 - P_3) / R_2
+        back = self.size("back_pressure") * (1.0 + 0.3 * np.sin(2.0 * np.pi * phase))
+        back = np.maximum(back, self.size("waterfall") * P_m)
+        drain = (P_3 - back) / self.R_3
+        arriving = (P_0 - P_2) / self.R_1 + self.G * (P_in - P_2)
+        C_a = self.C_a * np.exp(-self.size("stiffening_wall") * (P_2 - 70.0) / 70.0)
+        into_branch = np.where(self.viscous, (P_2 - V_b / (0.7 * C_a)) * 0.7 * C_a / self.tau, 0.0)
+        elastic = np.where(self.viscous, 0.3, 1.0) * C_a
+        return np.stack(
+            [
+                (Q - (P_0 - P_2) / self.R_1) / self.C_0,
+                (arriving - through - into_branch) / elastic,
+                (through - drain) / self.C_im,
+                np.where(
+                    self.has_L, (P_in - P_0 - self.R_seen * Q_L) / np.maximum(self.L, 1e-3), 0.0
+                ),
+                into_branch,
+            ]
+        ), Q
+
+    def run(self) -> dict[str, np.ndarray]:
+        """Samples of the last beat: true aortic and distal pressure, and flow."""
+        mean = 0.6 * self.v["P_diastolic"] + 0.4 * self.v["P_systolic"]
+        x = np.stack([0.9 * mean, 0.8 * mean, 0.5 * mean, np.zeros(self.n), np.zeros(self.n)])
+        x[4] = np.where(self.viscous, 0.7 * self.C_a * x[1], 0.0)
+        h, one = self.v["period"] / STEPS, np.ones(self.n)
+        at = np.round(np.arange(SAMPLED) * STEPS / SAMPLED).astype(int)
+        kept: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        for beat in range(BEATS):
+            total = np.zeros(self.n)
+            for k in range(STEPS):
+                p = k / STEPS * one
+                k1, Q = self.rate(p, x)
+                if beat == BEATS - 1 and k in self._wanted(at):
+                    kept[k] = (x[0].copy(), Q.copy())
+                total += x[1]
+                half = p + 0.5 / STEPS
+                k2, _ = self.rate(half, x + 0.5 * h * k1)
+                k3, _ = self.rate(half, x + 0.5 * h * k2)
+                k4, _ = self.rate(p + 1.0 / STEPS, x + h * k3)
+                x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            self.mean_2 = total / STEPS
+        phases = at / STEPS
+        P_in = np.stack([self.inlet(p * one) for p in phases], axis=-1)
+        P_0 = np.stack([kept[k][0] for k in at], axis=-1)
+        Q = np.stack([kept[k][1] for k in at], axis=-1)
+        if not (np.isfinite(P_0).all() and np.isfinite(Q).all()):
+            raise RuntimeError("The march went unstable: raise STEPS.")
+        return {"P_aorta": P_in, "P_distal": P_0, "Q": Q}
+
+    def _wanted(self, at: np.ndarray) -> frozenset[int]:
+        if not hasattr(self, "_set"):
+            self._set = frozenset(at.tolist())
+        return self._set

@@ -1,0 +1,208 @@
+"""Pressure-flow curve of an artery from a ramp of its pressure drop in 3D.
+
+The wall is prestressed at a pressure P_ref, then the drop over the artery grows at a constant rate;
+flow and drop are recorded. The record is fitted by linear least squares with::
+
+    one ramp:  ΔP = a Q + b Q|Q| + L dQ/dt
+    several:   ΔP = (a + a_P p) Q + (b + b_P p) Q|Q| + L dQ/dt,  p = (P_aorta + P_distal)/2 − P_ref
+
+L is the inertance of the blood: the flow of a ramp grows, and a quick ramp would otherwise be read
+as resistance. p is the transmural pressure of the artery; in one ramp it is a function of the drop
+and cannot be told from the curve, in ramps of the aortic and of the distal pressure it can.
+
+| resistance | |
+|---|---|
+| tangent at 40 mmHg | dΔP/dQ = √(a² + 4 b ΔP): the R0 of the paper |
+| secant at a drop | ΔP/Q: what a linear surrogate must have to be right at that drop |
+| curve | a and b: the surrogate of law ``quadratic`` |
+
+Errors: the residuals of neighbouring steps are alike; with their correlation ρ at lag one, n of
+them count as n (1 − ρ)/(1 + ρ).
+
+Source: the ramp and R0 are those of Puelz et al. 2024, section 2.4; the curve is ours.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from calibration.reduced_law import PressureFlowLaw
+from lumped import MMHG
+from lumped.parameters import Parameter, real
+
+PAPER_DROP = 40.0 * MMHG
+"""Pressure drop at which the paper takes the slope [dyn/cm²]."""
+
+SETTLING = 0.15
+"""Share of a ramp, at its start, that is left out: the artery is not yet filled at its rate."""
+
+_LEAST_SAMPLES = 8
+
+
+class RampRecord(eqx.Module):
+    """What a ramp gave, at equal or unequal steps.
+
+    Attributes:
+        t: time [s], ascending.
+        P_aorta: pressure before the artery [dyn/cm²].
+        P_distal: pressure behind it [dyn/cm²].
+        Q: flow through it [cm³/s].
+    """
+
+    t: Float[Array, " steps"] = eqx.field(converter=real)
+    P_aorta: Float[Array, " steps"] = eqx.field(converter=real)
+    P_distal: Float[Array, " steps"] = eqx.field(converter=real)
+    Q: Float[Array, " steps"] = eqx.field(converter=real)
+
+    def __check_init__(self):
+        shapes = {np.shape(v) for v in (self.t, self.P_aorta, self.P_distal, self.Q)}
+        if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+            raise ValueError(
+                f"The columns of a ramp have shapes {sorted(shapes)}. Give four of one length."
+            )
+
+    @property
+    def drop(self) -> Float[Array, " steps"]:
+        """P_aorta − P_distal [dyn/cm²]."""
+        return self.P_aorta - self.P_distal
+
+
+class RampFit(eqx.Module):
+    """A fitted ramp.
+
+    Attributes:
+        law: ΔP = a Q + b Q|Q| at the reference pressure.
+        L: inertance [dyn·s²/cm⁵].
+        transmural: a_P [s/cm³] and b_P [s²/cm⁶] per dyn/cm²; zero where one ramp was fitted.
+        covariance: of a and b.
+        rms: of the residuals [dyn/cm²].
+        n_effective: independent residuals.
+        largest_drop: of the record [dyn/cm²]; beyond it the law is an extrapolation.
+    """
+
+    law: PressureFlowLaw
+    L: Float[Array, ""]
+    transmural: Float[Array, " 2"]
+    covariance: Float[Array, "2 2"]
+    rms: Float[Array, ""]
+    n_effective: Float[Array, ""]
+    largest_drop: Float[Array, ""]
+
+    def tangent(self, dP: Parameter = PAPER_DROP) -> tuple[Array, Array]:
+        """Slope dΔP/dQ at a drop [dyn/cm²] and its standard deviation, in dyn·s/cm⁵."""
+        slope = self.law.tangent(dP)
+        gradient = jnp.stack([self.law.a, 2.0 * jnp.asarray(dP, float)]) / slope
+        return slope, self._sd(gradient)
+
+    def secant(self, dP: Parameter) -> tuple[Array, Array]:
+        """Resistance ΔP/Q at a drop [dyn/cm²] and its standard deviation, in dyn·s/cm⁵."""
+        slope = self.law.tangent(dP)
+        gradient = jnp.stack([1.0 + self.law.a / slope, 2.0 * jnp.asarray(dP, float) / slope]) / 2.0
+        return self.law.secant(dP), self._sd(gradient)
+
+    def _sd(self, gradient: Float[Array, " 2"]) -> Array:
+        return jnp.sqrt(gradient @ self.covariance @ gradient)
+
+
+def fit_ramp(
+    records: RampRecord | Sequence[RampRecord],
+    *,
+    P_ref: Parameter = 0.0,
+    settling: float = SETTLING,
+) -> RampFit:
+    """Fit the curve of one ramp, or of several with the dependence on transmural pressure.
+
+    Differentiable in pressures and flow; times must be concrete. Where a or b would be negative,
+    which no artery has, it is set to zero and the other fitted again.
+
+    Args:
+        records: one ramp, or ramps at different pressures of the artery.
+        P_ref: pressure at which the wall was prestressed [dyn/cm²]; matters with several.
+        settling: share of each ramp's duration that is left out at its start.
+
+    Raises:
+        ValueError: too few samples are left.
+    """
+    records = [records] if isinstance(records, RampRecord) else list(records)
+    kept = [_settled(record, settling) for record in records]
+    n = sum(len(record.t) for record, _ in kept)
+    if n < _LEAST_SAMPLES:
+        raise ValueError(
+            f"{n} samples of a ramp are too few for its curve. Take a smaller dt or a slower ramp:"
+            f" at least {_LEAST_SAMPLES} must follow the first {settling:.0%} of it."
+        )
+    Q = jnp.concatenate([record.Q for record, _ in kept])
+    drop = jnp.concatenate([record.drop for record, _ in kept])
+    growth = jnp.concatenate([rate for _, rate in kept])
+    columns = [Q, Q * jnp.abs(Q), growth]
+    if len(records) > 1:
+        middle = [(record.P_aorta + record.P_distal) / 2.0 - P_ref for record, _ in kept]
+        p = jnp.concatenate(middle)
+        columns += [p * Q, p * Q * jnp.abs(Q)]
+    X = jnp.stack(columns, axis=1)
+    everything = jnp.ones(X.shape[1])
+    whole, spread = _least_squares(X, drop, everything)
+    no_a, spread_no_a = _least_squares(X, drop, everything.at[0].set(0.0))
+    no_b, spread_no_b = _least_squares(X, drop, everything.at[1].set(0.0))
+    bad_a, bad_b = whole[0] < 0.0, whole[1] < 0.0
+    found = jnp.where(bad_b, no_b, jnp.where(bad_a, no_a, whole))
+    inverse = jnp.where(bad_b, spread_no_b, jnp.where(bad_a, spread_no_a, spread))
+    left = drop - X @ found
+    rho = jnp.clip(jnp.sum(left[1:] * left[:-1]) / jnp.sum(left**2), 0.0, 0.999)
+    independent = jnp.maximum(n * (1.0 - rho) / (1.0 + rho), 1.0 + X.shape[1])
+    variance = jnp.sum(left**2) / n * (n / independent)
+    more = found[3:] if len(records) > 1 else jnp.zeros(2)
+    return RampFit(
+        law=PressureFlowLaw(a=found[0], b=found[1]),
+        L=found[2],
+        transmural=more,
+        covariance=variance * inverse[:2, :2],
+        rms=jnp.sqrt(jnp.mean(left**2)),
+        n_effective=independent,
+        largest_drop=jnp.max(jnp.stack([jnp.max(record.drop) for record in records])),
+    )
+
+
+def measured_slope(
+    record: RampRecord, dP: float = PAPER_DROP, *, width: float = 10.0 * MMHG
+) -> float | None:
+    """Slope dΔP/dQ of the record itself at a drop, by a parabola through its surroundings.
+
+    As the paper takes it: no law, no inertance. None where the ramp does not reach the drop.
+
+    Args:
+        record: the ramp.
+        dP: the drop [dyn/cm²].
+        width: half width of the surroundings [dyn/cm²].
+    """
+    drop, Q = np.asarray(record.drop), np.asarray(record.Q)
+    near = np.abs(drop - dP) <= width
+    if drop.max(initial=0.0) < dP or np.count_nonzero(near) < 4:
+        return None
+    slope = np.polyfit(drop[near] - dP, Q[near], 2)[1]
+    return float(1.0 / slope)
+
+
+def _settled(record: RampRecord, settling: float) -> tuple[RampRecord, Float[Array, " kept"]]:
+    """The record after its start, and dQ/dt there by central differences."""
+    rate = jnp.asarray(jnp.gradient(record.Q)) / jnp.asarray(jnp.gradient(record.t))
+    duration = float(record.t[-1] - record.t[0])
+    first = int(np.searchsorted(np.asarray(record.t), float(record.t[0]) + settling * duration))
+    late = slice(first, None)
+    part = RampRecord(record.t[late], record.P_aorta[late], record.P_distal[late], record.Q[late])
+    return part, rate[late]
+
+
+def _least_squares(
+    X: Float[Array, "n k"], y: Float[Array, " n"], used: Float[Array, " k"]
+) -> tuple[Float[Array, " k"], Float[Array, "k k"]]:
+    """Coefficients of the columns used, zero for others, and (XᵀX)⁻¹ with zeros for those."""
+    scale = jnp.sqrt(jnp.sum(X**2, axis=0))
+    scale = jnp.where(scale > 0.0, scale, 1.0)
+    A = X / scale[None, :] * used[None, :]
+    normal = A.T @ A + jnp.diag(1.0 - used)
+    inverse = jnp.linalg.inv(normal) * used[:, None] * used[None, :]
+    return (inverse @ (A.T @ y)) / scale, inverse / (scale[:, None] * scale[None, :])

@@ -1,0 +1,218 @@
+"""The catalogue: twenty effects that the surrogate of the paper leaves out.
+
+Symbols as in `circuit`: s, a, d are 1 under stress, adenosine, dobutamine; φ is the size. Ranges
+and sources are discussed in the README; "assumed" marks a range without a measurement behind it.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from diagnosis.circuit import PHASE, Circuit
+from diagnosis.effects import GUESSED_FORM, Effect
+
+P_NARROWING = 80.0
+"""Aortic pressure at which dynamic narrowing neither adds nor removes [mmHg]."""
+
+NOTCH, NOTCH_WIDTH = 0.40, 0.03
+"""Time and width of the notch of the aortic waveform [beats]."""
+
+_NOTCH = np.exp(-0.5 * ((PHASE - NOTCH) / NOTCH_WIDTH) ** 2)
+
+
+def _resistances(c: Circuit, log_factor) -> Circuit:
+    factor = jnp.exp(log_factor)
+    return c._replace(R_1=c.R_1 * factor, R_2=c.R_2 * factor, R_3=c.R_3 * factor)
+
+
+def _compliances(c: Circuit, log_factor) -> Circuit:
+    factor = jnp.exp(log_factor)
+    return c._replace(C_a=c.C_a * factor, C_im=c.C_im * factor)
+
+
+def _outer_dilation(c: Circuit, size) -> Circuit:
+    factor = jnp.exp2(-c.stress * size)
+    return c._replace(R_1=c.R_1 * factor, R_3=c.R_3 * factor)
+
+
+def _narrowing(c: Circuit, size) -> Circuit:
+    wave = jnp.exp(size * (c.P_inlet - P_NARROWING) / P_NARROWING)
+    return c._replace(R0_wave=c.R0_wave * wave)
+
+
+def _collateral(c: Circuit, size) -> Circuit:
+    return c._replace(G_collateral=c.G_collateral + size / (c.R_1 + c.R_2 + c.R_3))
+
+
+CATALOGUE: tuple[Effect, ...] = (
+    Effect(
+        id="quadratic_loss", place="ostium", unit="mmHg s2/ml2", sd=6.0, one_sided=True,
+        tolerance=GUESSED_FORM, nonlinear=True,
+        change=lambda c, size: c._replace(K=c.K + size),
+        equation="ΔP = R0 Q + φ Q|Q|",
+        sentence="the narrow ostium loses pressure with the square of the flow",
+        settled_by="the pressure drop at two known flows (CFD or flow wire)",
+        source="Bernoulli; Young & Tsai 1973 (J Biomech 6:395); range assumed",
+    ),
+    Effect(
+        id="dynamic_narrowing", place="ostium", unit="-", sd=1.0, one_sided=True,
+        tolerance=GUESSED_FORM, nonlinear=True, change=_narrowing,
+        equation="R0 exp(φ (P_aorta − 80)/80)",
+        sentence="the aorta squeezes the intramural course when its pressure is high",
+        settled_by="intravascular ultrasound over the beat",
+        source="area −14 % under stress (48 adults, ultrasound); range assumed",
+    ),
+    Effect(
+        id="proximal_resistance", place="ostium", unit="-", sd=0.5,
+        change=lambda c, size: c._replace(R0=c.R0 * jnp.exp(size)),
+        equation="R0 exp(φ)",
+        sentence="the proximal vessel's resistance differs from the one computed for it",
+        settled_by="a finer CT and the pressure drop computed in it",
+        source="resolution of CT; range assumed",
+    ),
+    Effect(
+        id="inertance", place="ostium", unit="mmHg s2/ml", sd=0.08, one_sided=True,
+        two_starts=True,
+        change=lambda c, size: c._replace(L=c.L + size),
+        equation="L dQ/dt, L = φ",
+        sentence="the inertia of the blood in the proximal vessel matters",
+        settled_by="a flow waveform",
+        source="ρ l/A; range assumed",
+    ),
+    Effect(
+        id="vasodilation", place="microvasculature", unit="-", sd=0.5,
+        change=lambda c, size: _resistances(c, -c.stress * size),
+        equation="R_1, R_2, R_3 exp(−s φ)",
+        sentence="the bed dilates more (or less) under stress than the rule says",
+        settled_by="flow under stress and at rest",
+        source="flow reserve 2.9 ± 0.8 (PET, normal); range assumed",
+    ),
+    Effect(
+        id="adenosine_vasodilation", place="microvasculature", unit="-", sd=0.5,
+        change=lambda c, size: _resistances(c, -c.adenosine * size),
+        equation="R_1, R_2, R_3 exp(−a φ)",
+        sentence="adenosine dilates the bed more (or less) than the rule says",
+        settled_by="a second dose of adenosine, or flow under it",
+        source="140 to 200 µg/kg/min lowers FFR 0.85 to 0.82; range assumed",
+    ),
+    Effect(
+        id="r1_r3_dilation", place="microvasculature", unit="-", sd=0.7, one_sided=True,
+        change=_outer_dilation,
+        equation="R_1, R_3 2^(−s φ)",
+        sentence="arterial and venous resistances dilate under stress as well",
+        settled_by="flow waveforms under stress",
+        source="the two readings of Puelz et al. 2024: φ = 0 equations, φ = 1 prose",
+    ),
+    Effect(
+        id="autoregulation", place="microvasculature", unit="-", sd=1.0, one_sided=True,
+        tolerance=GUESSED_FORM,
+        change=lambda c, size: c._replace(autoregulation=c.autoregulation + size),
+        equation="R_2 exp(φ (mean P_2 − 70)/70)",
+        sentence="microvessels constrict where their pressure rises",
+        settled_by="one more level of aortic pressure",
+        source="assumed",
+    ),
+    Effect(
+        id="stress_compliance", place="microvasculature", unit="-", sd=0.6,
+        change=lambda c, size: _compliances(c, c.stress * size),
+        equation="C_a, C_im exp(s φ)",
+        sentence="compliances change under stress otherwise than the rule says",
+        settled_by="flow waveforms under stress",
+        source="assumed",
+    ),
+    Effect(
+        id="back_pressure", place="microvasculature", unit="mmHg", sd=10.0, one_sided=True,
+        two_starts=True,
+        tolerance=GUESSED_FORM,
+        change=lambda c, size: c._replace(P_venous=c.P_venous + size),
+        equation="P_venous = φ",
+        sentence="flow stops at a pressure above zero",
+        settled_by="right atrial or wedge pressure",
+        source="venous pressure 5, occlusion pressure 12 mmHg (published trace)",
+    ),
+    Effect(
+        id="collateral_flow", place="microvasculature", unit="-", sd=0.2, one_sided=True,
+        two_starts=True,
+        tolerance=GUESSED_FORM, change=_collateral,
+        equation="G = φ/(R_1 + R_2 + R_3) from aorta to bed",
+        sentence="other vessels feed the same muscle",
+        settled_by="an occlusion pressure",
+        source="collateral flow index cut-off 0.25",
+    ),
+    Effect(
+        id="intramyocardial_pump", place="pump", unit="-", sd=0.4,
+        change=lambda c, size: c._replace(P_LV=c.P_LV * (1.0 + size)),
+        equation="P_LV (1 + φ)",
+        sentence="the heart muscle squeezes its vessels more (or less) than assumed",
+        settled_by="left ventricular pressure",
+        source="assumed",
+    ),
+    Effect(
+        id="dobutamine_inotropy", place="pump", unit="-", sd=0.5, one_sided=True,
+        change=lambda c, size: c._replace(P_LV=c.P_LV * (1.0 + c.dobutamine * size)),
+        equation="P_LV (1 + d φ)",
+        sentence="dobutamine makes the muscle squeeze harder than the aorta shows",
+        settled_by="left ventricular pressure under dobutamine",
+        source="intraventricular gradients under inotropes; range assumed",
+    ),
+    Effect(
+        id="wall_viscoelasticity", place="wall", unit="s", sd=0.03, one_sided=True,
+        two_starts=True,
+        tolerance=GUESSED_FORM,
+        change=lambda c, size: c._replace(wall_time=c.wall_time + size),
+        equation="P = (V + τ dV/dt)/C_a, τ = φ",
+        sentence="the arterial wall is viscous as well as elastic",
+        settled_by="a flow waveform",
+        source="Alastruey et al. 2011 (J Biomech 44:2250); range assumed",
+    ),
+    Effect(
+        id="wire_drift", place="sensor", unit="mmHg per condition", sd=2.5,
+        change=lambda c, size: c._replace(distal_offset=c.distal_offset + c.order * size),
+        equation="P_distal + k φ, k = order of acquisition",
+        sentence="the pressure wire drifts from one measurement to the next",
+        settled_by="an equalisation check at the end",
+        source="±2 mmHg misclassifies 21 % of FFRs",
+    ),
+    Effect(
+        id="sensor_height", place="sensor", unit="mmHg", sd=4.0,
+        change=lambda c, size: c._replace(distal_offset=c.distal_offset + size),
+        equation="P_distal + φ",
+        sentence="the wire's sensor lies higher (or lower) than the aorta",
+        settled_by="the sensor's height on CT",
+        source="0.77 mmHg/cm; FFR 0.72 supine, 0.81 prone",
+    ),
+    Effect(
+        id="aortic_zero_error", place="sensor", unit="mmHg", sd=4.0,
+        change=lambda c, size: c._replace(aortic_offset=c.aortic_offset + size),
+        equation="P_aorta + φ",
+        sentence="the aortic transducer's zero is off",
+        settled_by="zeroing again, and an equalisation check",
+        source="assumed",
+    ),
+    Effect(
+        id="catheter_damping", place="sensor", unit="s", sd=0.015, one_sided=True,
+        tolerance=GUESSED_FORM,
+        change=lambda c, size: c._replace(aortic_lag=c.aortic_lag + size),
+        equation="τ dP_seen/dt + P_seen = P_aorta, τ = φ",
+        sentence="the fluid-filled catheter smooths the aortic trace",
+        settled_by="a flush test",
+        source="natural frequency 18-42 rad/s, damping 0.07-0.7",
+    ),
+    Effect(
+        id="signal_delay", place="sensor", unit="s", sd=0.02,
+        change=lambda c, size: c._replace(distal_delay=c.distal_delay + size),
+        equation="P_distal(t − φ)",
+        sentence="the distal trace is shifted in time against the aortic one",
+        settled_by="both sensors in one place, or a flush test",
+        source="assumed",
+    ),
+    Effect(
+        id="aortic_waveform", place="inlet", unit="mmHg", sd=5.0,
+        tolerance=GUESSED_FORM,
+        change=lambda c, size: c._replace(P_inlet=c.P_inlet + size * _NOTCH),
+        equation="P_aorta + φ exp(−(t/T − 0.40)²/(2·0.03²))",
+        sentence="the aortic pressure has a notch that the assumed waveform lacks",
+        settled_by="nothing more: the aortic trace shows it",
+        source="the waveform of Puelz et al. 2024 has no dicrotic notch",
+    ),
+)  # fmt: skip
+"""The effects that are tried by default."""

@@ -1,0 +1,282 @@
+"""The surrogate of a record's condition, with a place for every effect that may be missing.
+
+    P_inlet ─ P_ostium ─ [R0, L, K, R0_wave] ─┬─ R_1 ─┬─ P_micro ─ R_2 ─┬─ R_3 ─ P_venous
+                                             C0      C_a (τ_wall)     C_im
+                                             ⏚        ⏚              P_LV
+    G_collateral joins the inlet to the node behind R_1.
+
+With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
+
+    P_3 = ((P_2 − P_micro)/R_2 + iωC_im P_LV + P_venous/R_3)/(1/R_2 + iωC_im + 1/R_3)
+    0   = (P_1 − P_2)/R_1 + G (P_inlet − P_2) − Y_a P_2 − (P_2 − P_micro − P_3)/R_2 + Q_wall
+    Q   = iωC0 P_1 + (P_1 − P_2)/R_1,            Y_a = iωC_a/(1 + iωτ_wall)
+    P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + K Q|Q|
+
+Without the last two terms the system is linear and solved harmonic by harmonic; with them the first
+`LOW` harmonics of Q follow from Newton's method and the rest from the linear system with the mean
+of the nonlinear slope. The derivative is the exact one of what is computed: one more Newton step
+from the frozen solution. Sensors act on harmonics: first-order lag 1/(1 + iωτ), delay exp(−iωt).
+
+Units: mmHg, mL, s throughout this package. Waveforms have `SAMPLES` samples; harmonics are scaled
+so that x(t) = X_0 + Σ Re X_k cos(ω_k t) − Im X_k sin(ω_k t), and `HARMONICS` of them are kept: what
+lies above carries nothing that a sensor could tell from its noise.
+
+Source: Puelz et al. 2024, section 2.4; harmonic balance: Nakhla & Vlach 1976 (IEEE Trans Circuits
+Syst 23:85). With no effect it is `lumped.Surrogate` solved by `lumped.Fourier`, which a test shows.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from diagnosis.elimination import solve_definite
+
+SAMPLES = 256
+"""Samples of a beat: fine enough for the harmonics kept of the ventricle's steep pressure."""
+
+PHASE = np.arange(SAMPLES) / SAMPLES
+"""Time of the samples in beats."""
+
+HARMONICS = 40
+"""Harmonics kept, besides the mean."""
+
+LOW = 24
+"""Harmonics of the flow that a nonlinear ostium couples."""
+
+NEWTON_STEPS = 5
+"""Newton steps from the linear solution; the last changes the flow by round-off."""
+
+AUTOREGULATION_SWEEPS = 12
+"""Fixed-point sweeps for the mean pressure that microvessels sense."""
+
+P_REGULATED = 70.0
+"""Mean pressure at which autoregulation changes nothing [mmHg]."""
+
+Wave = Float[Array, " n"]
+Spectrum = Complex[Array, " f"]
+Number = Float[Array, ""]
+Real = Float[Array, " m"]
+
+
+class Circuit(NamedTuple):
+    """One condition's circuit; effects return a changed copy (`circuit._replace(...)`).
+
+    Attributes:
+        period: length of the beat [s].
+        stress, adenosine, dobutamine: 1 where the condition is one, else 0.
+        order: order of acquisition.
+        P_inlet, P_LV: pressures of aorta and ventricle at the samples [mmHg].
+        R0, L, K: linear resistance, inertance, quadratic loss of the ostium
+            [mmHg·s/mL, mmHg·s²/mL, mmHg·s²/mL²].
+        R0_wave: factor on R0 over the beat; ones at first.
+        C0, C_a, C_im: compliances [mL/mmHg].
+        R_1, R_2, R_3: resistances of the bed [mmHg·s/mL].
+        wall_time: Voigt time of C_a [s].
+        P_venous: pressure behind R_3 [mmHg].
+        G_collateral: conductance from the aorta to the node behind R_1 [mL/(s·mmHg)].
+        autoregulation: gain of ln R_2 by the mean pressure behind R_1 [-].
+        aortic_offset, distal_offset: added by the sensors [mmHg].
+        aortic_lag, distal_delay: of the sensors [s].
+        forced: harmonics of what is added at each place of `FORCED`; zero unless the place of a
+            gap is sought.
+    """
+
+    period: Number
+    stress: Number
+    adenosine: Number
+    dobutamine: Number
+    order: Number
+    P_inlet: Wave
+    P_LV: Wave
+    R0: Number
+    L: Number
+    K: Number
+    R0_wave: Wave
+    C0: Number
+    C_a: Number
+    C_im: Number
+    R_1: Number
+    R_2: Number
+    R_3: Number
+    wall_time: Number
+    P_venous: Number
+    G_collateral: Number
+    autoregulation: Number
+    aortic_offset: Number
+    distal_offset: Number
+    aortic_lag: Number
+    distal_delay: Number
+    forced: Complex[Array, "p f"]
+
+
+FORCED = ("ostium", "wall", "microvasculature", "pump", "inlet", "aortic sensor", "distal sensor")
+"""Places of an additional waveform: pressure in series with the ostium; flow into the node behind
+R_1, times R_1; pressure in series with R_2; added to P_LV; to P_inlet; to either sensor's trace."""
+
+
+class Beat(NamedTuple):
+    """What sensors see of one condition, as harmonics.
+
+    Attributes:
+        P_aorta, P_distal: measured pressures [mmHg].
+        Q: coronary flow [mL/s].
+    """
+
+    P_aorta: Spectrum
+    P_distal: Spectrum
+    Q: Spectrum
+
+
+def _tables() -> tuple[np.ndarray, np.ndarray]:
+    """Matrices from real coefficients (means, Re, Im) to samples and back."""
+    angle = 2.0 * np.pi * np.outer(PHASE, np.arange(1, HARMONICS + 1))
+    to_samples = np.concatenate([np.ones((SAMPLES, 1)), np.cos(angle), -np.sin(angle)], axis=1)
+    weight = np.full((2 * HARMONICS + 1, 1), 2.0 / SAMPLES)
+    weight[0] = 1.0 / SAMPLES
+    return to_samples, weight * to_samples.T
+
+
+TO_SAMPLES, FROM_SAMPLES = _tables()
+_LOW_COLUMNS = np.r_[0 : LOW + 1, HARMONICS + 1 : HARMONICS + 1 + LOW]
+
+
+def harmonics(wave: Float[Array, "*b n"]) -> Complex[Array, "*b f"]:
+    """Harmonics of a sampled waveform."""
+    return as_harmonics(wave @ jnp.asarray(FROM_SAMPLES.T))
+
+
+def samples(spectrum: Complex[Array, "*b f"]) -> Float[Array, "*b n"]:
+    """Samples of a waveform given by its harmonics."""
+    return coefficients(spectrum) @ jnp.asarray(TO_SAMPLES.T)
+
+
+def coefficients(spectrum: Complex[Array, "*b f"]) -> Float[Array, "*b m"]:
+    """Harmonics as real numbers: mean, real parts, imaginary parts."""
+    return jnp.concatenate([spectrum.real, spectrum.imag[..., 1:]], axis=-1)
+
+
+def as_harmonics(q: Float[Array, "*b m"]) -> Complex[Array, "*b f"]:
+    """The inverse of `coefficients`."""
+    count = q.shape[-1] // 2
+    none = jnp.zeros_like(q[..., :1])
+    imaginary = jnp.concatenate([none, q[..., count + 1 :]], axis=-1)
+    return jax.lax.complex(q[..., : count + 1], imaginary)
+
+
+def _complex(x: Array) -> Array:
+    return jax.lax.complex(x, jnp.zeros_like(x))
+
+
+def _inverse(z: Spectrum) -> Spectrum:
+    """1/z in real arithmetic: numbers here are far from overflow, which complex division guards."""
+    scale = 1.0 / (z.real**2 + z.imag**2)
+    return jax.lax.complex(z.real * scale, -z.imag * scale)
+
+
+def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
+    """The periodic beat of a circuit as its sensors see it.
+
+    Args:
+        circuit: one condition; all arrays are differentiated.
+        nonlinear: whether K and R0_wave act (static); False is faster and ignores them.
+    """
+    omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
+    iw = jax.lax.complex(jnp.zeros_like(omega), omega)
+    inlet, ventricle = harmonics(jnp.stack([circuit.P_inlet, circuit.P_LV]))
+    ostium, wall, micro, pump, root, at_aorta, at_distal = circuit.forced
+    g_1, g_3 = _complex(1.0 / circuit.R_1), _complex(1.0 / circuit.R_3)
+    g_2 = _complex(1.0 / (circuit.R_2 * _autoregulated(circuit)))
+    g_across, R0 = _complex(circuit.G_collateral), _complex(circuit.R0)
+    inlet, ventricle, wall = inlet + root, ventricle + pump, wall * g_1
+    first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
+    venous = _complex(circuit.P_venous * first)
+
+    y_im = iw * _complex(circuit.C_im)
+    y_a = iw * _complex(circuit.C_a) * _inverse(1.0 + iw * _complex(circuit.wall_time))
+    z_3 = _inverse(g_2 + y_im + g_3)
+    source_3 = (y_im * ventricle + g_3 * venous - g_2 * micro) * z_3
+    z_2 = _inverse(g_1 + g_across + y_a + g_2 * (1.0 - g_2 * z_3))
+    source_2 = (g_across * inlet + wall + g_2 * (micro + source_3)) * z_2
+    Z = _inverse(iw * _complex(circuit.C0) + g_1 * (1.0 - g_1 * z_2))
+    source_1 = g_1 * source_2 * Z
+
+    drive = inlet + ostium - source_1
+    series = Z + R0 + iw * _complex(circuit.L)
+    Q = drive * _inverse(series)
+    if nonlinear:
+        Q = _nonlinear_flow(circuit, drive, series, Q)
+    P_1 = Z * Q + source_1
+    turn = circuit.distal_delay * omega
+    lagged = inlet * _inverse(1.0 + iw * _complex(circuit.aortic_lag))
+    delayed = P_1 * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
+    return Beat(
+        lagged + _complex(circuit.aortic_offset * first) + at_aorta,
+        delayed + _complex(circuit.distal_offset * first) + at_distal,
+        Q,
+    )
+
+
+def _autoregulated(circuit: Circuit) -> Number:
+    """Factor on R_2, exp(gain (mean P_2 − 70)/70) with mean P_2 of the direct-current network.
+
+    The quadratic loss of the ostium is left out of the mean: it moves it by a few mmHg.
+    """
+    inlet = jnp.mean(circuit.P_inlet)
+    R_in = circuit.R0 + circuit.R_1
+    above = inlet / R_in + circuit.G_collateral * inlet
+
+    def sweep(_: Any, log_factor: Number) -> Number:
+        g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3)
+        mean = above + g_bed * circuit.P_venous
+        mean = mean / (1.0 / R_in + circuit.G_collateral + g_bed)
+        return circuit.autoregulation * (mean - P_REGULATED) / P_REGULATED
+
+    return jnp.exp(jax.lax.fori_loop(0, AUTOREGULATION_SWEEPS, sweep, jnp.zeros(())))
+
+
+def _nonlinear_flow(
+    circuit: Circuit, drive: Spectrum, series: Spectrum, linear: Spectrum
+) -> Spectrum:
+    """Harmonics of the flow through an ostium with K and R0_wave."""
+    low = slice(0, LOW + 1)
+    extra = circuit.R0 * (circuit.R0_wave - 1.0)
+    synthesis = jnp.asarray(TO_SAMPLES[:, _LOW_COLUMNS])
+    analysis = jnp.asarray(FROM_SAMPLES[_LOW_COLUMNS])
+
+    def loss(q: Real) -> Wave:
+        Q = synthesis @ q
+        return extra * Q + circuit.K * Q * jnp.abs(Q)
+
+    def residual(q: Real) -> Real:
+        lost = analysis @ loss(q)
+        return coefficients(series[low] * as_harmonics(q)) + lost - coefficients(drive[low])
+
+    def slope(q: Real) -> Float[Array, "m m"]:
+        d = extra + 2.0 * circuit.K * jnp.abs(synthesis @ q)
+        return _block(series[low]) + (analysis * d[None, :]) @ synthesis
+
+    frozen = jax.lax.stop_gradient
+
+    def newton(_: Any, q: Real) -> Real:
+        step = solve_definite(frozen(slope(q)), frozen(residual(q))[:, None])
+        return frozen(q - step[:, 0])
+
+    q = jax.lax.fori_loop(0, NEWTON_STEPS, newton, frozen(coefficients(linear[low])))
+    q = frozen(q)
+    # no change in value, the implicit-function theorem in derivative
+    q = q - solve_definite(frozen(slope(q)), jnp.eye(q.shape[0])) @ residual(q)
+    mean_slope = jnp.mean(extra + 2.0 * circuit.K * jnp.abs(synthesis @ q))
+    lost = harmonics(loss(q))
+    high = (drive - lost) * _inverse(series + _complex(mean_slope))
+    return jnp.concatenate([as_harmonics(q), high[LOW + 1 :]])
+
+
+def _block(z: Spectrum) -> Float[Array, "k k"]:
+    """The matrix that multiplies real coefficients as z does harmonics."""
+    re, im = z.real, z.imag[1:]
+    a = jnp.diag(jnp.concatenate([re, re[1:]]))
+    k = jnp.arange(1, LOW + 1)
+    return a.at[k, k + LOW].set(-im).at[k + LOW, k].set(im)

@@ -1,0 +1,234 @@
+"""Which effect: all hypotheses of a batch of records, their evidence, and the verdicts.
+
+1. The base model is fitted. 2. Every effect of the catalogue is refitted from there. 3. About the
+two best, one Jacobian scans all partners; the four best pairs are fitted. 4. A free forcing at
+every place gives "unknown". 5. Evidence and priors give probabilities and a verdict.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from diagnosis.catalogue import CATALOGUE
+from diagnosis.effects import Effect
+from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans, silent
+from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
+from diagnosis.measured import Measured, weights
+from diagnosis.prediction import n_unknowns
+from diagnosis.verdict import Hypothesis, Judgement, judge, probabilities_of
+
+WORTH_PAIRING = 3.0
+"""ln B of the best single effect below which pairs are not tried."""
+
+PARTNERS = (3, 1)
+"""Partners tried of the best and the second best single effect."""
+
+
+class Diagnosis(NamedTuple):
+    """The diagnosis of one record, as arrays and numbers; see `study` for the written form.
+
+    Attributes:
+        record: the record.
+        effects: the catalogue.
+        judgement: probabilities and verdict.
+        fits: every fitted hypothesis.
+        log_B: ln evidence of every fitted hypothesis over that of no gap.
+        scan: ln B of every effect by the score scan about the base optimum.
+        forcing: ln B of a free forcing, places × lengths × amplitudes.
+        n_data: number of data.
+    """
+
+    record: Measured
+    effects: tuple[Effect, ...]
+    judgement: Judgement
+    fits: Mapping[Hypothesis, Fitted]
+    log_B: Mapping[Hypothesis, float]
+    scan: Mapping[str, float]
+    forcing: Float[np.ndarray, "p l a"]
+    n_data: int
+
+    @property
+    def base(self) -> Fitted:
+        """The fit without any effect."""
+        return self.fits[()]
+
+    @property
+    def best(self) -> Fitted:
+        """The fit of the most probable hypothesis."""
+        return self.fits[self.judgement.best]
+
+
+def diagnose(
+    batch: Measured,
+    *,
+    effects: Sequence[Effect] = CATALOGUE,
+    prior_scale: float = 1.0,
+    tell: Tell = silent,
+) -> list[Diagnosis]:
+    """Diagnose a batch of records of one shape.
+
+    Args:
+        batch: records with a leading axis, see `record.stacked`.
+        effects: the catalogue.
+        prior_scale: factor on the prior standard deviation of every size.
+        tell: told of progress.
+
+    Raises:
+        RuntimeError: a base model could not be fitted.
+    """
+    effects = tuple(effects)
+    numbers = numbers_of(effects, prior_scale)
+    B, E = batch.period.shape[0], len(effects)
+    base = run_fits(
+        batch, range(B), [(-1, -1)] * B, base_start(batch), numbers, effects,
+        step="fitting the base model", tell=tell,
+    )  # fmt: skip
+    if not np.all(base.sound):
+        bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
+        raise RuntimeError(
+            f"The base model could not be fitted to record(s) {bad} of the batch. Look for "
+            "implausible pressures or periods, or leave the record out."
+        )
+    x = np.asarray(base.x)
+    record = np.repeat(np.arange(B), E)
+    pairs = np.array([(e, -1) for _ in range(B) for e in range(E)])
+    single = _best_of_starts(batch, record, pairs, x[record], numbers, effects, tell)
+    single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
+
+    scan_log_B, _ = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
+    forced = run_forcings(batch, x)
+    found = _pairs(batch, single, single_log_B, numbers, effects, tell)
+    counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
+    return [
+        _assembled(batch, effects, b, base, single, found.get(b, {}), scan_log_B[b], forced[b],
+                   int(counts[b]))
+        for b in range(B)
+    ]  # fmt: skip
+
+
+def _best_of_starts(
+    batch: Measured,
+    record: np.ndarray,
+    pairs: np.ndarray,
+    starts: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    tell: Tell,
+) -> Fitted:
+    """Fits from size zero, some also from one prior sd; the better one is kept."""
+    near = run_fits(
+        batch, record, pairs, starts, numbers, effects, step="fitting every effect", tell=tell
+    )
+    curved = np.array([effect.two_starts for effect in effects])
+    again = np.flatnonzero(curved[pairs[:, 0]])
+    if again.size == 0:
+        return near
+    moved = starts[again].copy()
+    moved[:, -2] = 1.0
+    far = run_fits(
+        batch, record[again], pairs[again], moved, numbers, effects,
+        step="fitting from a second start", tell=tell,
+    )  # fmt: skip
+    better = far.sound & (far.log_evidence > near.log_evidence[again])
+
+    def merge(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        merged = first.copy()
+        merged[again[better]] = second[better]
+        return merged
+
+    return jax.tree.map(merge, near, far)
+
+
+def take(fitted: Fitted, k: int) -> Fitted:
+    """One fit of many."""
+    return jax.tree.map(lambda leaf: leaf[k], fitted)
+
+
+def _pairs(
+    batch: Measured,
+    single: Fitted,
+    log_B: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    tell: Tell,
+) -> dict[int, dict[tuple[int, int], Fitted]]:
+    """Fits of the most promising pairs, by record."""
+    E = len(effects)
+    if E < 2:
+        return {}
+    worth = np.flatnonzero(log_B.max(axis=1) > WORTH_PAIRING)
+    if worth.size == 0:
+        return {}
+    order = np.argsort(-log_B, axis=1)
+    rows = np.concatenate([worth * E + order[worth, place] for place in (0, 1)])
+    owner = np.concatenate([worth, worth])
+    partner_log_B, partner_size = run_scans(
+        batch, owner, np.asarray(single.x)[rows], np.asarray(single.sizes)[rows], numbers, effects
+    )
+    jobs: list[tuple[int, int, int]] = []
+    starts = []
+    for place, count in enumerate(PARTNERS):
+        for n, b in enumerate(worth):
+            at = place * worth.size + n
+            first = int(order[b, place])
+            ranked = [int(e) for e in np.argsort(-partner_log_B[at]) if e != first]
+            taken = [{i, j} for owner_, i, j in jobs if owner_ == b]
+            fresh = [e for e in ranked if {first, e} not in taken][:count]
+            for e in fresh:
+                jobs.append((int(b), first, e))
+                start = np.asarray(single.x)[rows[at]].copy()
+                start[-1] = 0.5 * np.clip(partner_size[at, e], -1.0, 1.0)
+                starts.append(start)
+    fitted = run_fits(
+        batch,
+        [b for b, _, _ in jobs],
+        [(i, j) for _, i, j in jobs],
+        np.array(starts),
+        numbers,
+        effects,
+        step="fitting pairs of effects",
+        tell=tell,
+    )
+    found: dict[int, dict[tuple[int, int], Fitted]] = {}
+    for k, (b, i, j) in enumerate(jobs):
+        found.setdefault(b, {})[(i, j)] = take(fitted, k)
+    return found
+
+
+def _assembled(
+    batch: Measured,
+    effects: tuple[Effect, ...],
+    b: int,
+    base: Fitted,
+    single: Fitted,
+    pairs: Mapping[tuple[int, int], Fitted],
+    scan_log_B: np.ndarray,
+    forced: np.ndarray,
+    n_data: int,
+) -> Diagnosis:
+    names = tuple(effect.id for effect in effects)
+    E = len(names)
+    fits: dict[Hypothesis, Fitted] = {(): take(base, b)}
+    fits |= {(name,): take(single, b * E + e) for e, name in enumerate(names)}
+    for (i, j), fitted in pairs.items():
+        fits[(names[i], names[j])] = fitted
+    log_Z = {h: float(f.log_evidence) for h, f in fits.items()}
+    record = jax.tree.map(lambda leaf: leaf[b], batch)
+    probabilities = probabilities_of(log_Z, forced, E)
+    chi2 = {h: float(f.chi2) for h, f in fits.items() if bool(f.sound)}
+    judgement = judge(probabilities, names, chi2, n_data, n_unknowns(record))
+    none = log_Z[()]
+    return Diagnosis(
+        record=record,
+        effects=effects,
+        judgement=judgement,
+        fits=fits,
+        log_B={h: value - none for h, value in log_Z.items()},
+        scan=dict(zip(names, (float(v) for v in scan_log_B), strict=True)),
+        forcing=forced - none,
+        n_data=n_data,
+    )

@@ -1,0 +1,110 @@
+"""What an effect is: a one-parameter extension of the circuit, with all that people need to know.
+
+A new effect takes ten lines and no other change::
+
+    leak = Effect(
+        id="leak",
+        place="wall",
+        unit="mL/(s·mmHg)",
+        sd=0.002,
+        one_sided=True,
+        equation="Q = G (P_inlet − P_2)",
+        change=lambda c, size: c._replace(G_collateral=c.G_collateral + size),
+        sentence="blood leaks past the ostium",
+        settled_by="an occlusion pressure",
+        source="assumed",
+    )
+    diagnose(records, effects=(*CATALOGUE, leak))
+
+The size has a normal prior of mean 0 and the given sd; a one-sided effect has its positive half.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from diagnosis.circuit import Circuit
+
+Place = Literal["ostium", "wall", "microvasculature", "pump", "inlet", "sensor"]
+PLACES: tuple[Place, ...] = ("ostium", "wall", "microvasculature", "pump", "inlet", "sensor")
+"""Where an effect may act, from the vessel's mouth to the instruments."""
+
+GUESSED_FORM = 0.15
+"""Share of an effect's waveform that may differ where its equation is a guess."""
+
+NEGATIVE_LIMIT = 0.1
+"""How far below zero a one-sided size may go in a fit, in prior standard deviations."""
+
+
+class Effect(NamedTuple):
+    """One candidate cause of a gap.
+
+    Attributes:
+        id: its name in records and results.
+        place: where it acts.
+        unit: unit of its size.
+        sd: prior standard deviation of the size [unit].
+        change: the circuit with this effect at a size; size 0 must change nothing.
+        equation: what it adds, in one line.
+        sentence: what it means, for people; begins in lower case.
+        settled_by: the measurement that would settle it.
+        source: where range and equation come from.
+        one_sided: whether only positive sizes exist.
+        tolerance: relative freedom of the waveform, 0 where the form is exact.
+        nonlinear: whether the flow through the ostium is no longer linear.
+        two_starts: whether its fit may have two optima, so that it also starts at one sd.
+    """
+
+    id: str
+    place: Place
+    unit: str
+    sd: float
+    change: Callable[[Circuit, Float[Array, ""]], Circuit]
+    equation: str
+    sentence: str
+    settled_by: str
+    source: str
+    one_sided: bool = False
+    tolerance: float = 0.0
+    nonlinear: bool = False
+    two_starts: bool = False
+
+
+def apply_effects(
+    circuit: Circuit, effects: Sequence[Effect], sizes: Float[Array, " e"]
+) -> Circuit:
+    """The circuit with every effect at its size.
+
+    Args:
+        circuit: one condition.
+        effects: the effects, in the order of the sizes.
+        sizes: size of each [its unit]; zero changes nothing.
+    """
+    for k, effect in enumerate(effects):
+        circuit = effect.change(circuit, sizes[k])
+    return circuit
+
+
+def size_of(effect_sd: Array, one_sided: Array, x: Array) -> Array:
+    """Size of an effect at a standardised variable x (normal prior of unit variance).
+
+    Below zero a one-sided size levels off smoothly at −`NEGATIVE_LIMIT` sd: fits may look there,
+    the evidence then counts only the positive half of the posterior.
+    """
+    below = NEGATIVE_LIMIT * jnp.expm1(jnp.minimum(x, 0.0) / NEGATIVE_LIMIT)
+    bounded = jnp.where(x < 0.0, below, x)
+    return effect_sd * jnp.where(one_sided, bounded, x)
+
+
+def find_effect(effects: Sequence[Effect], id: str) -> Effect:
+    """The effect of that name.
+
+    Raises:
+        ValueError: there is none.
+    """
+    for effect in effects:
+        if effect.id == id:
+            return effect
+    raise ValueError(f"No effect '{id}'. There are: {', '.join(e.id for e in effects)}.")

@@ -1,0 +1,165 @@
+"""The numerical work of a diagnosis: few compiled functions over blocks of jobs.
+
+A job is one record with one hypothesis. Jobs go in blocks of `BLOCK`, the last one padded, so that
+every batch size and every kind of hypothesis runs the same compiled code; within a block all fits
+take as many steps as the slowest.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from threadpoolctl import threadpool_limits
+
+from diagnosis.effects import Effect
+from diagnosis.forcing import forcing_evidence
+from diagnosis.hypothesis import Catalogue, Fitted, fit_hypothesis, linearise, score_scan
+from diagnosis.measured import Measured
+from diagnosis.prediction import n_unknowns
+
+BLOCK = 16
+"""Jobs advanced together; more leave a CPU's caches, fewer waste its vectors."""
+
+Tell = Callable[[str, int, int], None]
+"""Called with the name of a step, the jobs done and the jobs in all."""
+
+
+def silent(step: str, done: int, of: int) -> None:
+    """Tell nobody."""
+
+
+@partial(jax.jit, static_argnames=("effects", "nonlinear"))
+def _fit_block(
+    records: Measured,
+    pairs: Int[Array, "j 2"],
+    starts: Float[Array, "j k"],
+    numbers: Catalogue,
+    *,
+    effects: tuple[Effect, ...],
+    nonlinear: bool,
+) -> Fitted:
+    def one(measured: Measured, pair: Array, start: Array) -> Fitted:
+        return fit_hypothesis(measured, effects, numbers, pair, start, nonlinear=nonlinear)
+
+    return jax.vmap(one)(records, pairs, starts)
+
+
+@partial(jax.jit, static_argnames=("effects",))
+def _scan_block(
+    records: Measured,
+    x: Float[Array, "j k"],
+    sizes: Float[Array, "j e"],
+    numbers: Catalogue,
+    *,
+    effects: tuple[Effect, ...],
+) -> tuple[Array, Array]:
+    def one(measured: Measured, x: Array, sizes: Array) -> tuple[Array, Array]:
+        return score_scan(linearise(measured, effects, numbers, x, sizes), numbers)
+
+    return jax.vmap(one)(records, x, sizes)
+
+
+@jax.jit
+def _force_block(records: Measured, x: Float[Array, "j k"]) -> Float[Array, "j p l a"]:
+    def one(measured: Measured, x: Array) -> Array:
+        found = linearise(measured, (), _NOTHING, x, jnp.zeros(0))
+        return forcing_evidence(measured, found.linear, x)
+
+    return jax.vmap(one)(records, x)
+
+
+_NOTHING = Catalogue(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0))
+
+
+def _in_blocks(
+    function: Callable[..., Any],
+    batch: Measured,
+    record: np.ndarray,
+    arrays: Sequence[np.ndarray],
+    told: Callable[[int], None],
+) -> Any:
+    """Call a function on blocks of jobs and join what it returns, as NumPy arrays."""
+    host = jax.tree.map(np.asarray, batch)
+    parts = []
+    for first in range(0, record.size, BLOCK):
+        at = np.arange(first, min(first + BLOCK, record.size))
+        padded = np.concatenate([at, np.full(BLOCK - at.size, at[-1])])
+        chosen = jax.tree.map(lambda leaf, p=padded: leaf[record[p]], host)
+        # small factorisations: threads of the library would only fight over the cores
+        with threadpool_limits(limits=1):
+            found = function(chosen, *(a[padded] for a in arrays))
+            parts.append(jax.tree.map(lambda leaf, n=at.size: np.asarray(leaf)[:n], found))
+        told(at.size)
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+
+
+def run_fits(
+    batch: Measured,
+    record: Sequence[int] | np.ndarray,
+    pairs: Sequence[tuple[int, int]] | np.ndarray,
+    starts: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    *,
+    step: str = "fitting",
+    tell: Tell = silent,
+) -> Fitted:
+    """Fit hypothesis `pairs[j]` to record `record[j]`.
+
+    Args:
+        batch: the records.
+        record: position of each job's record.
+        pairs: positions of the two effects of each job, −1 for none.
+        starts: where each fit starts, standardised.
+        numbers: of the catalogue.
+        effects: the catalogue.
+        step: what to call this, for `tell`.
+        tell: told of progress.
+    """
+    record, pairs = np.asarray(record, int), np.asarray(pairs, int).reshape(-1, 2)
+    bent = np.array([effect.nonlinear for effect in effects] + [False])
+    kind = bent[pairs].any(axis=1)
+    parts, order, done = [], [], 0
+
+    def told(count: int) -> None:
+        nonlocal done
+        done += count
+        tell(step, done, record.size)
+
+    for nonlinear in (False, True):
+        at = np.flatnonzero(kind == nonlinear)
+        if at.size:
+            fit = partial(_fit_block, numbers=numbers, effects=effects, nonlinear=nonlinear)
+            parts.append(_in_blocks(fit, batch, record[at], (pairs[at], starts[at]), told))
+            order.append(at)
+    back = np.argsort(np.concatenate(order))
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
+
+
+def run_scans(
+    batch: Measured,
+    record: np.ndarray,
+    x: np.ndarray,
+    sizes: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Score scan about given optima: ln B of adding each effect, and its expected size."""
+    scan = partial(_scan_block, numbers=numbers, effects=effects)
+    return _in_blocks(scan, batch, np.asarray(record, int), (x, sizes), lambda count: None)
+
+
+def run_forcings(batch: Measured, x: np.ndarray) -> np.ndarray:
+    """Ln Z of a free forcing at every place about the base optimum of every record."""
+    everyone = np.arange(x.shape[0])
+    return _in_blocks(_force_block, batch, everyone, (x,), lambda count: None)
+
+
+def base_start(batch: Measured) -> np.ndarray:
+    """Start of the base fits: the priors' means."""
+    measured = jax.tree.map(lambda leaf: leaf[0], batch)
+    return np.zeros((batch.period.shape[0], n_unknowns(measured) + 2))

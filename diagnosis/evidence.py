@@ -1,0 +1,128 @@
+"""Evidence of a hypothesis about its optimum, with room for what its equations do not know.
+
+About the optimum x of a hypothesis the data are taken as linear in x. With W whitening the noise,
+e = W (y − f(x)) + J x and columns F of a further Gaussian uncertainty,
+
+    e ~ N(0, I + F Fᵀ + J Jᵀ),      ln Z = −½ eᵀ C⁻¹ e − ½ ln|C|     (+ ln 2Φ(m/s) if one-sided),
+
+m and s being posterior mean and sd of the size. F is block diagonal over conditions. Two kinds:
+
+* form tolerance of an effect, F = W ρ diag(Δf) B, Δf what the effect changes in each trace;
+* a free smooth forcing at a place of the circuit, F = W a (∂f/∂forcing) B: "not in the catalogue".
+
+B holds the first harmonics weighted by the spectrum of exp(−2 sin²(πΔ)/(2πℓ)²). Data are the real
+coefficients of the traces' harmonics, in which stationary noise is independent: W is diagonal.
+
+Source: MacKay 2003, Information Theory, Inference, and Learning Algorithms, chapters 27 and 28;
+discrepancy inside the model: Strong & Oakley 2014 (SIAM/ASA J Uncertain Quantif 2:106).
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.linalg import cho_solve
+from jax.scipy.special import log_ndtr
+from jaxtyping import Array, Float
+
+from diagnosis.measured import correlation
+
+
+class Whitened(NamedTuple):
+    """A linearised hypothesis in units of the noise, by condition.
+
+    Attributes:
+        e: residual plus J x, conditions × data.
+        J: derivative of the whitened prediction, conditions × data × unknowns.
+    """
+
+    e: Float[Array, "c d"]
+    J: Float[Array, "c d k"]
+
+
+class Posterior(NamedTuple):
+    """Evidence and posterior of a linearised hypothesis.
+
+    Attributes:
+        log_evidence: ln Z, up to a constant of the data.
+        mean: posterior mean of the unknowns.
+        covariance: of the unknowns.
+    """
+
+    log_evidence: Float[Array, ""]
+    mean: Float[Array, " k"]
+    covariance: Float[Array, "k k"]
+
+
+def smooth_scale(length: float, n_harmonics: int) -> np.ndarray:
+    """Standard deviations of the real coefficients of a smooth random waveform of unit variance.
+
+    Args:
+        length: correlation length [beats].
+        n_harmonics: harmonics kept, besides the mean.
+    """
+    covariance = correlation(length)[0]
+    spectrum = np.fft.rfft(covariance).real[: n_harmonics + 1] / covariance.size
+    root = np.sqrt(np.maximum(spectrum, 0.0))
+    return np.concatenate([root[:1], np.sqrt(2.0) * root[1:], np.sqrt(2.0) * root[1:]])
+
+
+def posterior(
+    linear: Whitened,
+    F: Float[Array, "c d m"] | None = None,
+    one_sided: Float[Array, " k"] | None = None,
+) -> Posterior:
+    """Evidence and posterior of a linearised hypothesis.
+
+    Args:
+        linear: residuals and derivatives.
+        F: columns of further Gaussian uncertainty of each condition.
+        one_sided: 1 for unknowns that only exist above zero.
+    """
+    e, J = linear
+    JJ = jnp.einsum("cdk,cdl->kl", J, J)
+    Je = jnp.einsum("cdk,cd->k", J, e)
+    ee = jnp.sum(e**2)
+    log_volume = jnp.zeros(())
+    if F is not None:
+        FF = jnp.einsum("cdm,cdl->cml", F, F)
+        return reduced_posterior(
+            JJ, Je, ee, FF, jnp.einsum("cdm,cdk->cmk", F, J), jnp.einsum("cdm,cd->cm", F, e),
+            one_sided,
+        )  # fmt: skip
+    return _posterior(JJ, Je, ee, log_volume, one_sided)
+
+
+def reduced_posterior(
+    JJ: Array,
+    Je: Array,
+    ee: Array,
+    FF: Float[Array, "c m m"],
+    FJ: Float[Array, "c m k"],
+    Fe: Float[Array, "c m"],
+    one_sided: Float[Array, " k"] | None = None,
+) -> Posterior:
+    """The same from inner products, so that amplitudes of F cost little (Woodbury's identity)."""
+    factor = jnp.linalg.cholesky(jnp.eye(FF.shape[-1])[None] + FF)
+    joined = jnp.concatenate([FJ, Fe[..., None]], axis=-1)
+    half = jax.lax.linalg.triangular_solve(factor, joined, left_side=True, lower=True)
+    A, b = half[..., :-1], half[..., -1]
+    log_volume = jnp.sum(jnp.log(jnp.diagonal(factor, axis1=-2, axis2=-1)))
+    JJ = JJ - jnp.einsum("cmk,cml->kl", A, A)
+    Je = Je - jnp.einsum("cmk,cm->k", A, b)
+    return _posterior(JJ, Je, ee - jnp.sum(b**2), log_volume, one_sided)
+
+
+def _posterior(
+    JJ: Array, Je: Array, ee: Array, log_volume: Array, one_sided: Array | None
+) -> Posterior:
+    precision = jnp.eye(JJ.shape[0]) + JJ
+    factor = jnp.linalg.cholesky(precision)
+    mean = cho_solve((factor, True), Je)
+    covariance = cho_solve((factor, True), jnp.eye(JJ.shape[0]))
+    log_Z = -0.5 * (ee - Je @ mean) - jnp.sum(jnp.log(jnp.diagonal(factor))) - log_volume
+    if one_sided is not None:
+        sd = jnp.sqrt(jnp.diagonal(covariance))
+        log_Z = log_Z + jnp.sum(one_sided * (jnp.log(2.0) + log_ndtr(mean / sd)))
+    return Posterior(log_Z, mean, covariance)

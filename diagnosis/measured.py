@@ -1,0 +1,137 @@
+"""A measured record as arrays: what was measured, how well, and what was known before.
+
+A record holds C conditions. Where both pressures (and flow) were recorded over the beat, waveforms
+are used and means are not: they would count the same trace twice. Units: mmHg, mL/s, s.
+
+Noise of a waveform of n samples a beat: half white (share w), half correlated over 0.06 beat, and
+a slow offset of each trace. It is stationary, so that harmonics are independent: with κ_k the
+harmonics of the correlation k(Δ), the real and imaginary parts of harmonic k have the variance
+
+    2 sd² (w/n + (1 − w) κ_k),      the mean has  sd² (w/n + (1 − w) κ_0) + offset²,
+
+and harmonics from n/2 on were not measured.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES
+
+WHITE_SHARE = 0.5
+"""Share of the noise variance that is white."""
+
+NOISE_LENGTH = 0.06
+"""Correlation length of the rest [beats]."""
+
+OFFSET_SD_MMHG = 0.5
+"""Slow offset of each pressure trace [mmHg]."""
+
+SENSORS = ("P_aorta", "P_distal", "Q")
+SCALARS = ("mean_P_aorta", "mean_P_distal", "ffr", "mean_Q")
+
+
+class Measured(eqx.Module):
+    """One record, or a batch of records with a leading axis.
+
+    Attributes:
+        period, P_systolic, P_diastolic: of each condition [s, mmHg].
+        stress, adenosine, dobutamine: 1 where the condition is one, else 0.
+        order: order of acquisition.
+        waves: mean beat of each sensor, in the order of `SENSORS`; no sensors where no waveforms
+            were measured, two without flow.
+        wave_sd: standard deviation of its noise a sample; infinite where not measured.
+        wave_samples: samples a beat that were measured.
+        wave_offset_sd: of its slow offset.
+        white_share: of the noise variance [-].
+        scalars, scalar_sd: means and ratios in the order of `SCALARS`; sd infinite where absent.
+        held_out: 1 where only the aortic pressure may be used.
+        R0, R0_sd_log: prior of the ostium's resistance [mmHg·s/mL] and of its logarithm [-].
+        P_sd: of the recorded systolic and diastolic pressures [mmHg].
+    """
+
+    period: Float[Array, "*b c"]
+    P_systolic: Float[Array, "*b c"]
+    P_diastolic: Float[Array, "*b c"]
+    stress: Float[Array, "*b c"]
+    adenosine: Float[Array, "*b c"]
+    dobutamine: Float[Array, "*b c"]
+    order: Float[Array, "*b c"]
+    waves: Float[Array, "*b c s n"]
+    wave_sd: Float[Array, "*b c s"]
+    wave_samples: Float[Array, "*b c s"]
+    wave_offset_sd: Float[Array, "*b c s"]
+    white_share: Float[Array, "*b"]
+    scalars: Float[Array, "*b c 4"]
+    scalar_sd: Float[Array, "*b c 4"]
+    held_out: Float[Array, "*b c"]
+    R0: Float[Array, "*b"]
+    R0_sd_log: Float[Array, "*b"]
+    P_sd: Float[Array, "*b"]
+
+    @property
+    def n_conditions(self) -> int:
+        """Number of conditions."""
+        return self.period.shape[-1]
+
+    @property
+    def n_sensors(self) -> int:
+        """Number of sensors with waveforms: 0, 2 or 3."""
+        return self.waves.shape[-2]
+
+
+def correlation(length: float) -> np.ndarray:
+    """Periodic correlation of samples, exp(−2 sin²(πΔ)/(2πℓ)²) with ℓ in beats."""
+    distance = np.sin(np.pi * (PHASE[:, None] - PHASE[None, :]))
+    return np.exp(-2.0 * distance**2 / (2.0 * np.pi * length) ** 2)
+
+
+def noise_sd(
+    sd: Float[Array, ""],
+    offset_sd: Float[Array, ""],
+    n_samples: Float[Array, ""],
+    white_share: Float[Array, ""],
+) -> Float[Array, " m"]:
+    """Standard deviations of a trace's real coefficients; infinite where not measured."""
+    spectrum = np.fft.rfft(correlation(NOISE_LENGTH)[0]).real[: HARMONICS + 1] / SAMPLES
+    smooth = (1.0 - white_share) * jnp.asarray(spectrum)
+    power = sd**2 * (white_share / n_samples + smooth)
+    seen = jnp.arange(1, HARMONICS + 1).astype(float) < 0.5 * n_samples
+    high = jnp.where(seen, 2.0 * power[1:], jnp.inf)
+    return jnp.sqrt(jnp.concatenate([power[:1] + offset_sd**2, high, high]))
+
+
+def weights(measured: Measured) -> Float[Array, "c d"]:
+    """1/sd of everything a record may hold, 0 where it was not measured.
+
+    By condition: coefficients of each trace, then the scalars. Of a held-out condition only the
+    aortic pressure counts.
+    """
+    names = SENSORS[: measured.n_sensors]
+    aortic = jnp.asarray(np.array([float(name == "P_aorta") for name in names]))
+    allowed = 1.0 - measured.held_out[:, None] * (1.0 - aortic)[None, :]
+    present = jnp.isfinite(measured.wave_sd) & (allowed > 0.5)
+    sd = jnp.where(present, measured.wave_sd, 1.0)
+    offset = jnp.where(present, measured.wave_offset_sd, 0.0)
+    n = jnp.where(present, measured.wave_samples, 1.0)
+    each = jax.vmap(jax.vmap(noise_sd, (0, 0, 0, None)), (0, 0, 0, None))
+    C = measured.period.shape[0]
+    waves = jnp.zeros((C, 0))
+    if names:
+        own = 1.0 / each(sd, offset, n, measured.white_share)
+        waves = jnp.where(present[..., None], own, 0.0).reshape(C, -1)
+    of_aorta = jnp.asarray(np.array([1.0, 0.0, 0.0, 0.0]))
+    allowed = 1.0 - measured.held_out[:, None] * (1.0 - of_aorta)[None, :]
+    known = jnp.isfinite(measured.scalar_sd) & (allowed > 0.5)
+    scalars = jnp.where(known, 1.0 / jnp.where(known, measured.scalar_sd, 1.0), 0.0)
+    return jnp.concatenate([waves, scalars], axis=1)
+
+
+def data_of(measured: Measured) -> Float[Array, "c d"]:
+    """What was measured, in the order of `weights`; zero where it was not."""
+    present = jnp.isfinite(measured.wave_sd)[..., None]
+    waves = jnp.where(present, measured.waves, 0.0) @ jnp.asarray(FROM_SAMPLES.T)
+    scalars = jnp.where(jnp.isfinite(measured.scalar_sd), measured.scalars, 0.0)
+    return jnp.concatenate([waves.reshape(waves.shape[0], -1), scalars], axis=1)

@@ -1,0 +1,228 @@
+"""What cannot be told apart, and which measurement would.
+
+From the score scan's g⊥ of each effect (its trace in the data that the unknowns cannot imitate):
+|g⊥|·size is how visible it is, the cosine of two of them how alike. A measurement that reads an
+effect with error σ, where hypothesis i puts it at m ± s and j at zero, gives the expected
+log Bayes factor
+
+    E[ln B_ij] = KL(N(m, s² + σ²) ‖ N(0, σ²)) = ½ (m² + s²)/σ² − ½ ln(1 + s²/σ²),
+
+and a further sensor whose predictions differ by Δ_k with error σ_k gives ½ Σ Δ_k²/σ_k². Before any
+data exist, the same scan at the priors' means says what a set of sensors could show at all.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from diagnosis.circuit import SAMPLES
+from diagnosis.diagnose import Diagnosis
+from diagnosis.effects import Effect
+from diagnosis.hypothesis import Linearised, linearise, numbers_of
+from diagnosis.measured import OFFSET_SD_MMHG, Measured
+from diagnosis.prediction import n_unknowns
+
+ALIKE = 0.9
+"""|cosine| from which two effects count as aliases."""
+
+TYPICAL = 0.7
+"""Size taken as typical, in prior standard deviations."""
+
+ISOLATED = 3.0
+"""Expected ln B against none and every rival from which an effect can be told."""
+
+READINGS: dict[str, tuple[str, tuple[tuple[str, float], ...]]] = {
+    "equalisation check at the end": ("±0.5 mmHg a condition", (("wire_drift", 0.3),)),
+    "height of the wire's sensor on CT": ("±0.5 cm", (("sensor_height", 0.4),)),
+    "zeroing of the aortic transducer": ("±0.5 mmHg", (("aortic_zero_error", 0.5),)),
+    "flush test": ("±2 ms", (("catheter_damping", 0.002), ("signal_delay", 0.002))),
+    "left ventricular pressure": (
+        "±5 %", (("intramyocardial_pump", 0.05), ("dobutamine_inotropy", 0.05)),
+    ),
+    "right atrial or wedge pressure": ("±1.5 mmHg", (("back_pressure", 1.5),)),
+    "occlusion pressure": ("±0.03", (("collateral_flow", 0.03),)),
+    "intravascular ultrasound over the beat": ("±0.15", (("dynamic_narrowing", 0.15),)),
+    "pressure drop computed at two flows": (
+        "±0.5 mmHg s2/ml2, ±10 %", (("quadratic_loss", 0.5), ("proximal_resistance", 0.1)),
+    ),
+}  # fmt: skip
+"""Measurements that read the size of effects, with their errors [unit of the size]; assumed."""
+
+OPEN = 0.01
+"""Probability, or ratio of two, below which a question counts as settled."""
+
+FLOW_ERROR = 0.05
+"""Relative error of a flow."""
+
+SENSOR_SETS = ("means", "means+flow", "waveforms", "waveforms+flow", "flow waveform as well")
+
+
+class Next(NamedTuple):
+    """A measurement that would help.
+
+    Attributes:
+        sensor: what to measure.
+        separates: the two hypotheses that it would tell apart best.
+        expected_log_bayes_factor: of the likelier over the other.
+    """
+
+    sensor: str
+    separates: tuple[str, str]
+    expected_log_bayes_factor: float
+
+
+def traces(found: Linearised) -> np.ndarray:
+    """Inner products g⊥ᵢᵀ g⊥ⱼ of all effects, per standardised size."""
+    (_, J), G = found.linear, found.effects
+    flat_J = np.asarray(J).reshape(-1, J.shape[-1])
+    flat_G = np.asarray(G).reshape(-1, G.shape[-1])
+    JG = flat_J.T @ flat_G
+    precision = np.eye(flat_J.shape[1]) + flat_J.T @ flat_J
+    return flat_G.T @ flat_G - JG.T @ np.linalg.solve(precision, JG)
+
+
+def aliases(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Pairs of effects with nearly the same trace in this record, likeliest first."""
+    inner = traces(_about_base(diagnosis.record, diagnosis.effects, jnp.asarray(diagnosis.base.x)))
+    length = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    names = [effect.id for effect in diagnosis.effects]
+    alike = np.abs(inner) / np.outer(length, length)
+    seen = length * TYPICAL > 0.3
+    found = [
+        (names[i], names[j])
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if alike[i, j] >= ALIKE and seen[i] and seen[j]
+    ]
+    inclusion = diagnosis.judgement.inclusion
+    return sorted(found, key=lambda pair: -max(inclusion[pair[0]], inclusion[pair[1]]))
+
+
+def next_measurements(diagnosis: Diagnosis, count: int = 3) -> list[Next]:
+    """Measurements that would best separate the likeliest hypotheses, best first."""
+    probabilities = diagnosis.judgement.probabilities
+    open_ones = [
+        h for h in diagnosis.fits if len(h) <= 1 and probabilities["+".join(h) or "none"] >= OPEN
+    ]
+    ranked = sorted(open_ones, key=lambda h: -probabilities["+".join(h) or "none"])[:6]
+    found = []
+    for sensor, (_, readings) in READINGS.items():
+        found += _by_reading(diagnosis, ranked, sensor, dict(readings))
+    found += _by_flow(diagnosis, ranked)
+    best: dict[str, Next] = {}
+    for option in sorted(found, key=lambda o: -o.expected_log_bayes_factor):
+        best.setdefault(option.sensor, option)
+    useful = [o for o in best.values() if o.expected_log_bayes_factor >= 1.0]
+    return useful[:count]
+
+
+def _weight(diagnosis: Diagnosis, first: tuple[str, ...], second: tuple[str, ...]) -> float:
+    """How open the question between two hypotheses is: the smaller probability over the larger."""
+    p = [diagnosis.judgement.probabilities["+".join(h) or "none"] for h in (first, second)]
+    return min(p) / max(max(p), 1e-300)
+
+
+def _by_reading(
+    diagnosis: Diagnosis, ranked: list[tuple[str, ...]], sensor: str, errors: dict[str, float]
+) -> list[Next]:
+    found = []
+    for h in ranked:
+        if not h or h[0] not in errors:
+            continue
+        e = [effect.id for effect in diagnosis.effects].index(h[0])
+        size, sd = float(diagnosis.fits[h].sizes[e]), float(diagnosis.fits[h].size_sd[0])
+        sigma = errors[h[0]]
+        gain = 0.5 * (size**2 + sd**2) / sigma**2 - 0.5 * np.log1p(sd**2 / sigma**2)
+        rivals = [r for r in ranked if r != h and _weight(diagnosis, h, r) > OPEN]
+        if rivals:
+            found.append(Next(sensor, (h[0], "+".join(rivals[0]) or "none"), float(min(gain, 99))))
+    return found
+
+
+def _by_flow(diagnosis: Diagnosis, ranked: list[tuple[str, ...]]) -> list[Next]:
+    record = diagnosis.record
+    has_mean = np.isfinite(np.asarray(record.scalar_sd)[:, 3]).any()
+    if record.n_sensors > 2:
+        return []
+    found = []
+    for i, first in enumerate(ranked):
+        for second in ranked[i + 1 :]:
+            if _weight(diagnosis, first, second) <= OPEN:
+                continue
+            Q = [np.asarray(diagnosis.fits[h].waves)[:, 2] for h in (first, second)]
+            mean = np.abs(Q[0].mean(axis=1))
+            apart = (Q[0] - Q[1]).mean(axis=1)
+            names = ("+".join(first) or "none", "+".join(second) or "none")
+            if not has_mean:
+                gain = 0.5 * np.sum((apart / (FLOW_ERROR * mean)) ** 2)
+                found.append(Next("mean flow in every condition", names, float(min(gain, 99))))
+            # a flow waveform with correlated noise carries about twenty independent samples
+            step = SAMPLES // 20
+            difference = (Q[0] - Q[1])[:, ::step] / (FLOW_ERROR * np.abs(Q[0]).mean(axis=1))[
+                :, None
+            ]
+            gain = 0.5 * np.sum(difference**2)
+            found.append(Next("flow waveform in every condition", names, float(min(gain, 99))))
+    return found
+
+
+def _about_base(record: Measured, effects: tuple[Effect, ...], x: Float[Array, " k"]) -> Linearised:
+    zero = jnp.zeros(len(effects))
+    numbers = numbers_of(effects)
+    run = jax.jit(lambda record, x: linearise(record, effects, numbers, x, zero))
+    return run(record, x)
+
+
+def isolability(
+    record: Measured, effects: tuple[Effect, ...], sd_mmHg: float
+) -> dict[str, dict[str, float]]:
+    """What sets of sensors could show in the conditions of a record, before they are used.
+
+    Args:
+        record: the conditions; what was measured is ignored.
+        effects: the catalogue.
+        sd_mmHg: noise of pressures.
+
+    Returns:
+        By set of sensors and effect: expected ln B of a typical size against its nearest rival, "no
+        gap" included; from `ISOLATED` on the effect can be told.
+    """
+    found = {}
+    x = jnp.zeros(n_unknowns(record))
+    for name in SENSOR_SETS:
+        inner = traces(_about_base(_with_sensors(record, name, sd_mmHg), effects, x))
+        b = np.diag(inner)
+        own = 0.5 * ((TYPICAL * b) ** 2 + b) / (1.0 + b) - 0.5 * np.log1p(b)
+        other = 0.5 * ((TYPICAL * inner) ** 2 + inner**2 / np.maximum(b[:, None], 1e-12)) / (
+            1.0 + b[None, :]
+        ) - 0.5 * np.log1p(b[None, :])
+        np.fill_diagonal(other, -np.inf)
+        margin = own - np.maximum(other.max(axis=1), 0.0)
+        found[name] = {e.id: float(v) for e, v in zip(effects, margin, strict=True)}
+    return found
+
+
+def _with_sensors(record: Measured, sensors: str, sd: float) -> Measured:
+    """The record's conditions as they would be measured by a set of sensors."""
+    C = record.n_conditions
+    waves = {"waveforms": 2, "waveforms+flow": 2, "flow waveform as well": 3}.get(sensors, 0)
+    scalar_sd = np.full((C, 4), np.inf)
+    if not waves:
+        scalar_sd[:, :2] = np.hypot(sd, OFFSET_SD_MMHG)
+    if sensors in ("means+flow", "waveforms+flow"):
+        scalar_sd[:, 3] = FLOW_ERROR * 1.2
+    wave_sd = np.broadcast_to(np.array([sd, sd, FLOW_ERROR * 2.0])[:waves], (C, waves))
+    offset = np.broadcast_to(np.array([OFFSET_SD_MMHG] * 2 + [0.1])[:waves], (C, waves))
+    fields = {
+        **vars(record),
+        "waves": jnp.zeros((C, waves, SAMPLES)),
+        "wave_sd": jnp.asarray(wave_sd),
+        "wave_samples": jnp.full((C, waves), 128.0),
+        "wave_offset_sd": jnp.asarray(offset),
+        "scalars": jnp.zeros((C, 4)),
+        "scalar_sd": jnp.asarray(scalar_sd),
+    }
+    return Measured(**fields)

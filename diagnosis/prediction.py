@@ -1,0 +1,199 @@
+"""What a record should show: from standardised variables to harmonics, means and ratios.
+
+The base model is the surrogate of the paper at its nominal values with the stress rule "printed".
+Its unknowns have normal priors of zero mean and unit variance in the variables x:
+
+    R0 = R0_prior exp(sd x_0),  α = 0.25 exp(x_1),  C_a, C_im, C0 = nominal exp(0.4 x_2..4),
+    P_systolic, P_diastolic of each condition = recorded + P_sd x.
+
+The ventricle's peak is the condition's P_systolic. A condition depends on nine numbers only (the
+five shared ones, its two pressures, two sizes of effects): derivatives are taken by those.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float
+
+from diagnosis.circuit import (
+    FORCED,
+    HARMONICS,
+    PHASE,
+    SAMPLES,
+    Beat,
+    Circuit,
+    coefficients,
+    samples,
+    solve,
+)
+from diagnosis.effects import Effect, apply_effects
+from diagnosis.measured import SENSORS, Measured
+from lumped.stress import PRINTED, stress_rule
+from lumped.surrogate import C0_NOMINAL, NOMINAL
+from lumped.units import MMHG, MMHG_S_PER_ML
+from lumped.waveforms import AorticPressure, VentricularPressure
+
+R0_PRIOR, R0_SD_LOG = 3.75, 0.5
+"""Resistance of the ostium where the record says nothing [mmHg·s/mL], and its log-sd."""
+
+ALPHA_PRIOR, ALPHA_SD_LOG = 0.25, 1.0
+"""Prior of α [-] and of its logarithm."""
+
+COMPLIANCE_SD_LOG = 0.4
+"""Log-sd of C_a, C_im and C0."""
+
+P_SD_MMHG = 2.0
+"""Standard deviation of a recorded systolic or diastolic pressure [mmHg]."""
+
+SHARED = ("R0", "alpha", "C_a", "C_im", "C0")
+"""Unknowns that all conditions share, in the order of x."""
+
+OWN = len(SHARED) + 2
+"""Unknowns of one condition: the shared ones and its two pressures."""
+
+
+class Situation(NamedTuple):
+    """What is fixed about a condition; fields as in `Measured`.
+
+    Attributes:
+        period: length of the beat [s].
+        P_systolic, P_diastolic: as recorded [mmHg].
+        stress, adenosine, dobutamine: 1 where the condition is one, else 0.
+        order: order of acquisition.
+        R0: prior of the ostium's resistance [mmHg·s/mL].
+        R0_sd_log: of its logarithm.
+        P_sd: of the recorded pressures [mmHg].
+    """
+
+    period: Float[Array, "*c"]
+    P_systolic: Float[Array, "*c"]
+    P_diastolic: Float[Array, "*c"]
+    stress: Float[Array, "*c"]
+    adenosine: Float[Array, "*c"]
+    dobutamine: Float[Array, "*c"]
+    order: Float[Array, "*c"]
+    R0: Float[Array, "*c"]
+    R0_sd_log: Float[Array, "*c"]
+    P_sd: Float[Array, "*c"]
+
+
+def situations(measured: Measured) -> Situation:
+    """The settings of all conditions of one record."""
+    shape = measured.period.shape
+    return Situation(
+        **{name: jnp.broadcast_to(getattr(measured, name), shape) for name in Situation._fields}
+    )
+
+
+def n_unknowns(measured: Measured) -> int:
+    """Number of unknowns of the base model."""
+    return len(SHARED) + 2 * measured.n_conditions
+
+
+def selection(n_conditions: int, n_more: int) -> np.ndarray:
+    """Zeros and ones that take each condition's numbers out of all unknowns.
+
+    Args:
+        n_conditions: number of conditions C.
+        n_more: unknowns after those of the base model, seen by all conditions.
+
+    Returns:
+        Array C × (7 + n_more) × (5 + 2C + n_more).
+    """
+    shared = len(SHARED)
+    total = shared + 2 * n_conditions
+    chosen = np.zeros((n_conditions, OWN + n_more, total + n_more))
+    chosen[:, range(shared), range(shared)] = 1.0
+    for c in range(n_conditions):
+        chosen[c, shared, shared + 2 * c] = chosen[c, shared + 1, shared + 2 * c + 1] = 1.0
+    chosen[:, range(OWN, OWN + n_more), range(total, total + n_more)] = 1.0
+    return chosen
+
+
+def base_circuit(case: Situation, own: Float[Array, " 7"]) -> Circuit:
+    """The circuit of one condition without any effect.
+
+    Args:
+        case: the condition.
+        own: its standardised unknowns.
+    """
+    alpha = ALPHA_PRIOR * jnp.exp(ALPHA_SD_LOG * own[1])
+    loose = jnp.exp(COMPLIANCE_SD_LOG * own[2:5])
+    P_systolic = case.P_systolic + case.P_sd * own[5]
+    P_diastolic = case.P_diastolic + case.P_sd * own[6]
+    rule = stress_rule(PRINTED)
+
+    def bed(name: str, factor: Array) -> Array:
+        unit = 1.0 / MMHG_S_PER_ML if name.startswith("R") else MMHG
+        return NOMINAL[name] * unit * factor * (1.0 + case.stress * (getattr(rule, name) - 1.0))
+
+    t = jnp.asarray(PHASE) * case.period
+    zero = jnp.zeros(())
+    return Circuit(
+        period=case.period,
+        stress=case.stress,
+        adenosine=case.adenosine,
+        dobutamine=case.dobutamine,
+        order=case.order,
+        P_inlet=AorticPressure(P_systolic, P_diastolic, case.period)(t),
+        P_LV=VentricularPressure(P_systolic, case.period)(t),
+        R0=case.R0 * jnp.exp(case.R0_sd_log * own[0]),
+        L=zero,
+        K=zero,
+        R0_wave=jnp.ones(SAMPLES),
+        C0=C0_NOMINAL * MMHG * loose[2],
+        C_a=bed("C_a", loose[0]),
+        C_im=bed("C_im", loose[1]),
+        R_1=bed("R_1", alpha),
+        R_2=bed("R_2", alpha),
+        R_3=bed("R_3", alpha),
+        wall_time=zero,
+        P_venous=zero,
+        G_collateral=zero,
+        autoregulation=zero,
+        aortic_offset=zero,
+        distal_offset=zero,
+        aortic_lag=zero,
+        distal_delay=zero,
+        forced=jnp.zeros((len(FORCED), HARMONICS + 1), complex),
+    )
+
+
+def predict(
+    case: Situation,
+    own: Float[Array, " 7"],
+    effects: Sequence[Effect],
+    sizes: Float[Array, " e"],
+    *,
+    nonlinear: bool = True,
+    forced: Complex[Array, "p f"] | None = None,
+) -> Beat:
+    """What the sensors show of one condition.
+
+    Args:
+        case: the condition.
+        own: its standardised unknowns.
+        effects: the effects.
+        sizes: size of each [its unit]; zero changes nothing.
+        nonlinear: see `circuit.solve` (static).
+        forced: waveforms added at places, see `circuit.Circuit`.
+    """
+    circuit = apply_effects(base_circuit(case, own), effects, sizes)
+    if forced is not None:
+        circuit = circuit._replace(forced=forced)
+    return solve(circuit, nonlinear=nonlinear)
+
+
+def as_data(beat: Beat, n_sensors: int) -> Float[Array, " d"]:
+    """A beat in the order of `measured.weights`: coefficients of the traces, then scalars."""
+    means = [spectrum[0].real for spectrum in beat]
+    scalars = jnp.stack([means[0], means[1], means[1] / means[0], means[2]])
+    traces = [coefficients(getattr(beat, name)) for name in SENSORS[:n_sensors]]
+    return jnp.concatenate([*traces, scalars])
+
+
+def as_waves(beat: Beat) -> Float[Array, "3 n"]:
+    """A beat as samples of all three sensors [mmHg, mmHg, mL/s]."""
+    return samples(jnp.stack(list(beat)))

@@ -1,0 +1,241 @@
+"""A measured record as people know it, and how it becomes the arrays that a diagnosis compares.
+
+A record may be rich or poor: three pressure ratios, means, means with flow, waveforms, waveforms
+with flow. Noise is what the record states; where it states none and several beats were recorded it
+is estimated from their scatter: with d the beats less their mean and less each beat's own mean,
+
+    sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
+
+The mean beat has sd/√b. The slow offset is the scatter of the beats' means, at least
+`OFFSET_SD_MMHG`: what stays the same over all beats cannot be seen in them.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diagnosis.circuit import SAMPLES
+from diagnosis.measured import (
+    NOISE_LENGTH,
+    OFFSET_SD_MMHG,
+    SENSORS,
+    WHITE_SHARE,
+    Measured,
+    correlation,
+)
+from diagnosis.prediction import P_SD_MMHG, R0_PRIOR, R0_SD_LOG
+
+PRESSURE_SD_MMHG, FLOW_RELATIVE_SD, FFR_SD = 1.0, 0.05, 0.01
+"""Noise where the record neither states it nor has beats to estimate it from."""
+
+RICHNESS = ("ffr", "means", "means+flow", "waveforms", "waveforms+flow")
+"""What may be used of a record, from poor to rich; a flow waveform is used with the last."""
+
+FEWEST_BEATS = 3
+"""Beats from which noise is estimated."""
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordedCondition:
+    """One condition of a record.
+
+    Attributes:
+        name: its name.
+        drug: "none", "adenosine" or "dobutamine"; another name is stress without either.
+        order: order of acquisition, from 0.
+        held_out: whether only the aortic pressure may be used.
+        period: length of the beat [s].
+        P_systolic, P_diastolic: aortic pressures [mmHg].
+        mean_P_aorta, mean_P_distal: cycle means [mmHg], if known.
+        ffr: ratio of the means [-], if known.
+        mean_Q: mean coronary flow [mL/s], if known.
+        beats: recorded beats of each sensor of `SENSORS`, beats × samples [mmHg, mL/s].
+    """
+
+    name: str
+    drug: str
+    order: int
+    held_out: bool
+    period: float
+    P_systolic: float
+    P_diastolic: float
+    mean_P_aorta: float | None = None
+    mean_P_distal: float | None = None
+    ffr: float | None = None
+    mean_Q: float | None = None
+    beats: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+
+
+@dataclasses.dataclass(frozen=True)
+class Record:
+    """A measured record.
+
+    Attributes:
+        id: its name.
+        conditions: what was measured, in order of acquisition.
+        pressure_sd: noise of the mean beat a sample [mmHg]; None to estimate it.
+        flow_relative_sd, ffr_sd: noise of flow (relative) and of ratios; None for the default.
+        R0, R0_sd_log: what is known of the ostium's resistance [mmHg·s/mL] and of its logarithm.
+    """
+
+    id: str
+    conditions: tuple[RecordedCondition, ...]
+    pressure_sd: float | None = None
+    flow_relative_sd: float | None = None
+    ffr_sd: float | None = None
+    R0: float = R0_PRIOR
+    R0_sd_log: float = R0_SD_LOG
+
+
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """Noise of a record's traces.
+
+    Attributes:
+        pressure_sd: of the mean beat a sample [mmHg].
+        white_share: of its variance.
+        offset_sd: of the slow offset of a trace [mmHg].
+        origin: "stated", "estimated" or "assumed".
+    """
+
+    pressure_sd: float
+    white_share: float
+    offset_sd: float
+    origin: str
+
+
+def noise_of(record: Record) -> Noise:
+    """Noise of the pressures, stated, estimated from the scatter of beats, or assumed."""
+    if record.pressure_sd is not None:
+        return Noise(record.pressure_sd, WHITE_SHARE, OFFSET_SD_MMHG, "stated")
+    stacks = [
+        beats
+        for c in record.conditions
+        for name, beats in c.beats.items()
+        if name != "Q" and beats.shape[0] >= FEWEST_BEATS
+    ]
+    if not stacks:
+        return Noise(PRESSURE_SD_MMHG, WHITE_SHARE, OFFSET_SD_MMHG, "assumed")
+    own = [beats - beats.mean(axis=0) for beats in stacks]
+    scatter = [d.mean(axis=1) for d in own]
+    rest = [d - d.mean(axis=1, keepdims=True) for d in own]
+    freedom = sum((d.shape[0] - 1) * (d.shape[1] - 1) for d in rest)
+    variance = sum(float((d**2).sum()) for d in rest) / freedom
+    lagged = sum(float((d * np.roll(d, -1, axis=1)).sum()) for d in rest) / freedom
+    step = max(round(SAMPLES / rest[0].shape[1]), 1)
+    known = correlation(NOISE_LENGTH)[0, step]
+    smooth = np.clip(lagged / (max(variance, 1e-12) * known), 0.0, 0.95)
+    count = np.mean([d.shape[0] for d in rest])
+    offset = np.sqrt(np.mean([m.var(ddof=1) / m.size for m in scatter]))
+    sd = max(float(np.sqrt(variance / count)), 0.05)
+    return Noise(sd, float(1.0 - smooth), max(float(offset), OFFSET_SD_MMHG), "estimated")
+
+
+def resampled(wave: np.ndarray) -> np.ndarray:
+    """A beat on `SAMPLES` samples by its harmonics."""
+    n = wave.shape[-1]
+    spectrum = np.fft.rfft(wave, axis=-1) * (SAMPLES / n)
+    kept = spectrum[..., : min((n + 1) // 2, SAMPLES // 2 + 1)]
+    return np.fft.irfft(kept, SAMPLES, axis=-1)
+
+
+def measured(record: Record, richness: str | None = None) -> Measured:
+    """The arrays of a record.
+
+    Args:
+        record: the record.
+        richness: use no more than this of it, one of `RICHNESS`; by default everything.
+
+    Raises:
+        ValueError: no such richness, or nothing of it was measured.
+    """
+    level = RICHNESS[-1] if richness is None else richness
+    if level not in RICHNESS:
+        raise ValueError(f"richness = '{level}' is not known. Use one of {', '.join(RICHNESS)}.")
+    noise = noise_of(record)
+    flow_sd = FLOW_RELATIVE_SD if record.flow_relative_sd is None else record.flow_relative_sd
+    ffr_sd = FFR_SD if record.ffr_sd is None else record.ffr_sd
+    waves, wave_sd, offset_sd, count = _waves(record, level, noise, flow_sd)
+    C = len(record.conditions)
+    scalars, sd = np.zeros((C, 4)), np.full((C, 4), np.inf)
+    mean_sd = np.hypot(noise.pressure_sd, noise.offset_sd)
+    for c, condition in enumerate(record.conditions):
+        has_pressures = wave_sd.shape[1] > 0 and np.isfinite(wave_sd[c, :2]).all()
+        has_flow = wave_sd.shape[1] > 2 and np.isfinite(wave_sd[c, 2])
+        if condition.ffr is not None and (level == "ffr" or not _has_means(condition)):
+            if not has_pressures:
+                scalars[c, 2], sd[c, 2] = condition.ffr, ffr_sd
+        elif level != "ffr" and not has_pressures:
+            for k, value in enumerate((condition.mean_P_aorta, condition.mean_P_distal)):
+                if value is not None:
+                    scalars[c, k], sd[c, k] = value, mean_sd
+        if condition.mean_Q is not None and "flow" in level and not has_flow:
+            scalars[c, 3], sd[c, 3] = condition.mean_Q, flow_sd * max(abs(condition.mean_Q), 0.05)
+    if not (np.isfinite(sd).any() or np.isfinite(wave_sd).any()):
+        raise ValueError(
+            f"Record '{record.id}' holds nothing to compare ({level}). Give ratios, means or beats."
+        )
+
+    def column(name: str) -> jax.Array:
+        return jnp.asarray(np.array([float(getattr(c, name)) for c in record.conditions]))
+
+    def flag(*drugs: str) -> jax.Array:
+        return jnp.asarray(np.array([float(c.drug in drugs) for c in record.conditions]))
+
+    return Measured(
+        period=column("period"),
+        P_systolic=column("P_systolic"),
+        P_diastolic=column("P_diastolic"),
+        stress=1.0 - flag("none"),
+        adenosine=flag("adenosine"),
+        dobutamine=flag("dobutamine"),
+        order=column("order"),
+        waves=jnp.asarray(waves),
+        wave_sd=jnp.asarray(wave_sd),
+        wave_samples=jnp.asarray(count),
+        wave_offset_sd=jnp.asarray(offset_sd),
+        white_share=jnp.asarray(noise.white_share),
+        scalars=jnp.asarray(scalars),
+        scalar_sd=jnp.asarray(sd),
+        held_out=column("held_out"),
+        R0=jnp.asarray(float(record.R0)),
+        R0_sd_log=jnp.asarray(float(record.R0_sd_log)),
+        P_sd=jnp.asarray(P_SD_MMHG),
+    )
+
+
+def _has_means(condition: RecordedCondition) -> bool:
+    return condition.mean_P_aorta is not None and condition.mean_P_distal is not None
+
+
+def _waves(
+    record: Record, level: str, noise: Noise, flow_sd: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Mean beats, their noise, offsets and samples; no sensors where no waveforms are used."""
+    C = len(record.conditions)
+    with_flow = "flow" in level and any("Q" in c.beats for c in record.conditions)
+    used = SENSORS if with_flow else SENSORS[:2]
+    if not level.startswith("waveforms") or not any(c.beats for c in record.conditions):
+        used = ()
+    waves = np.zeros((C, len(used), SAMPLES))
+    sd, offset = np.full((C, len(used)), np.inf), np.full((C, len(used)), np.inf)
+    count = np.ones((C, len(used)))
+    for c, condition in enumerate(record.conditions):
+        for s, name in enumerate(used):
+            beats = condition.beats.get(name)
+            if beats is None:
+                continue
+            waves[c, s] = resampled(beats.mean(axis=0))
+            count[c, s] = beats.shape[1]
+            scale = flow_sd * max(float(np.abs(waves[c, s]).mean()), 0.05)
+            sd[c, s] = scale if name == "Q" else noise.pressure_sd
+            offset[c, s] = scale if name == "Q" else noise.offset_sd
+    return waves, sd, offset, count
+
+
+def stacked(records: Sequence[Measured]) -> Measured:
+    """Records of one shape as a batch."""
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)

@@ -1,0 +1,134 @@
+"""From evidences to probabilities, and from probabilities to one of four verdicts.
+
+Prior: no gap 0.25; one effect 0.50, shared evenly; two effects 0.10, shared evenly; unknown 0.15,
+shared evenly over places, lengths and amplitudes of a free forcing. The inclusion probability of an
+effect is that of it alone plus that of its pairs.
+
+| verdict | when |
+|---|---|
+| no_gap | P(none) ≥ 0.05: no gap can be demonstrated |
+| named | every effect of the best hypothesis has inclusion ≥ 0.8, and what is left is closed |
+| unknown | P(unknown) ≥ 0.5, or an effect would be named but does not close the gap |
+| ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
+
+Closed: the remaining misfit has p > 0.01, or less than 10 % of the base model's excess is left.
+"""
+
+from collections.abc import Mapping
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import chi2 as chi2_distribution
+
+PRIOR = {"none": 0.25, "single": 0.50, "pair": 0.10, "unknown": 0.15}
+"""Prior probability of each kind of hypothesis."""
+
+NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
+"""Thresholds of the verdict, see above."""
+
+CLOSED_P, CLOSED_EXCESS = 0.01, 0.10
+"""Closure: p-value of the misfit, or share of the base excess that may be left."""
+
+Verdict = Literal["no_gap", "named", "ambiguous", "unknown"]
+Hypothesis = tuple[str, ...]
+"""Effects of a hypothesis in the catalogue's order; () is no gap."""
+
+
+class Judgement(NamedTuple):
+    """What is concluded about a record.
+
+    Attributes:
+        verdict: one of four.
+        named: the named effects, the ambiguous set, or the nearest effect.
+        probabilities: of "none", "unknown", every effect and pairs "a+b"; they sum to 1.
+        inclusion: of every effect.
+        cover: the smallest set of hypotheses with 90 % of the probability.
+        best: the most probable hypothesis but "unknown".
+        closed: whether the best hypothesis closes the gap.
+    """
+
+    verdict: Verdict
+    named: tuple[str, ...]
+    probabilities: Mapping[str, float]
+    inclusion: Mapping[str, float]
+    cover: tuple[str, ...]
+    best: Hypothesis
+    closed: bool
+
+
+def key_of(hypothesis: Hypothesis) -> str:
+    """Name of a hypothesis in results: "none", "a", or "a+b"."""
+    return "+".join(hypothesis) or "none"
+
+
+def probabilities_of(
+    log_evidence: Mapping[Hypothesis, float],
+    forcing: np.ndarray,
+    n_effects: int,
+) -> dict[str, float]:
+    """Posterior probabilities; hypotheses that were not fitted count as impossible.
+
+    Args:
+        log_evidence: ln Z of none, singles and the pairs that were fitted.
+        forcing: ln Z of every place, length and amplitude of a free forcing.
+        n_effects: number of effects in the catalogue.
+    """
+    each = {
+        0: PRIOR["none"],
+        1: PRIOR["single"] / n_effects,
+        2: PRIOR["pair"] / max(n_effects * (n_effects - 1) / 2, 1),
+    }
+    logs = {key_of(h): np.log(each[len(h)]) + value for h, value in log_evidence.items()}
+    flat = forcing.reshape(-1)
+    logs["unknown"] = np.log(PRIOR["unknown"]) + logsumexp(flat) - np.log(flat.size)
+    total = logsumexp(list(logs.values()))
+    return {name: float(np.exp(value - total)) for name, value in logs.items()}
+
+
+def is_closed(chi2: float, base_chi2: float, n_data: int, n_fitted: int) -> bool:
+    """Whether a fit leaves nothing to explain, see the table above."""
+    freedom = max(n_data - n_fitted, 1)
+    if chi2_distribution.sf(chi2, freedom) > CLOSED_P:
+        return True
+    base_excess = base_chi2 - freedom
+    return base_excess > 0 and chi2 - freedom < CLOSED_EXCESS * base_excess
+
+
+def judge(
+    probabilities: Mapping[str, float],
+    effects: tuple[str, ...],
+    chi2: Mapping[Hypothesis, float],
+    n_data: int,
+    n_unknowns: int,
+) -> Judgement:
+    """The verdict on a record.
+
+    Args:
+        probabilities: of all hypotheses.
+        effects: names of the catalogue.
+        chi2: of the fitted hypotheses.
+        n_data: number of data.
+        n_unknowns: unknowns of the base model.
+    """
+    inclusion = dict.fromkeys(effects, 0.0)
+    for name, p in probabilities.items():
+        for part in name.split("+"):
+            if part in inclusion:
+                inclusion[part] += p
+    best = max(chi2, key=lambda h: probabilities[key_of(h)])
+    ranked = sorted(probabilities, key=lambda name: -probabilities[name])
+    mass = np.cumsum([probabilities[name] for name in ranked])
+    cover = tuple(ranked[: int(np.searchsorted(mass, COVER)) + 1])
+    closed = is_closed(chi2[best], chi2[()], n_data, n_unknowns + len(best))
+    sure = tuple(e for e in effects if inclusion[e] >= NAMED)
+    nearest = max(effects, key=lambda e: inclusion[e])
+    if probabilities["none"] >= NO_GAP:
+        verdict, named = "no_gap", ()
+    elif probabilities["unknown"] >= UNKNOWN:
+        verdict, named = "unknown", (nearest,)
+    elif sure:
+        verdict, named = ("named", sure) if closed else ("unknown", sure)
+    else:
+        verdict, named = "ambiguous", cover
+    return Judgement(verdict, named, probabilities, inclusion, cover, best, closed)

@@ -1,0 +1,229 @@
+"""The document of the command `study`: all numbers of Algorithm 1 in 3D for one patient."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from study.algorithm import CURVE, LOOP, NOMINAL, PAPER, StudyResult, shown_runs
+from study.findings import FFR_THRESHOLD
+from study.lumen_motion import measured_states
+from study.patient import LINEAR, QUADRATIC
+from study.pipeline import CALIBRATED, FIXED
+from study.ramp_run import ramp_part
+from study.results import FORMAT
+from study.simulation_results import Drawn
+
+Document = dict[str, Any]
+
+ORIGINS = {
+    PAPER: "linear surrogate (the paper)",
+    CURVE: "curve surrogate",
+    NOMINAL: "nominal outlet (alpha = 1)",
+}
+"""Where the scale factor of a run comes from, in words."""
+
+PERIODIC_MMHG = 1.0
+"""Drift of the coronary bed in a run that counts as periodic."""
+
+
+def study_document(
+    result: StudyResult, drawn: Mapping[str, Drawn], films: list[str], provenance: Document
+) -> Document:
+    """The document of a study.
+
+    Args:
+        result: what it found.
+        drawn: pictures by name of the run.
+        films: names of runs with an animation.
+        provenance: see `study.provenance`.
+    """
+    case, loop = result.bench.case, result.loop
+    return {
+        "format": FORMAT,
+        "kind": "study",
+        "patient": case.id,
+        "rule": case.stress.rule,
+        "verdict": study_verdict(result),
+        "notes": [{"level": level, "text": text} for level, text in _notes(result)],
+        "rest_ratio_measured": case.conditions["rest"].ffr,
+        "ramp": ramp_part(result.record, result.fit, result.choice.ramp),
+        "calibrations": list(_calibrations(result)),
+        "loop": {
+            "alpha": loop.alpha,
+            "rest_ratio": loop.ratio,
+            "reached": loop.reached,
+            "extra_runs": loop.extra_runs,
+            "trials": [trial._asdict() for trial in loop.trials],
+        },
+        "curves": {
+            law: {"alpha": curve.alpha.tolist(), "rest_ratio": curve.ratio.tolist()}
+            for law, curve in result.reduced.curves.items()
+        },
+        "rows": list(_rows(result)),
+        "runs": result.runs,
+        "shown": [run["folder"].split("/")[-1] for run in shown_runs(result)],
+        "motion": result.motion,
+        "measured_states": measured_states(case),
+        "sensitivities": list(_sensitivities(result)),
+        "mesh": {
+            "nodes": len(result.bench.mesh.points),
+            "tets": len(result.bench.mesh.tets),
+            "preset": case.mesh.preset,
+        },
+        "wall": {"E_dyn_per_cm2": case.wall.E, "nu": case.wall.nu, "material": case.wall.material},
+        "pictures": {name: list(part.pictures) for name, part in drawn.items()},
+        "picture_times_s": {name: part.times for name, part in drawn.items()},
+        "picture_notes": sorted({part.note for part in drawn.values() if part.note}),
+        "films": films,
+        "provenance": provenance,
+    }
+
+
+def study_verdict(result: StudyResult) -> str:
+    """The result in one or two sentences."""
+    case, parts = result.bench.case, []
+    for run in result.runs:
+        if run["condition"] == "rest" or run["label"] != LOOP or run["rule"] != _own_rule(result):
+            continue
+        measured = case.conditions[run["condition"]].ffr
+        known = "" if measured is None else f" (measured {measured:.2f})"
+        below = "at or below" if run["ratio"] <= FFR_THRESHOLD else "above"
+        parts.append(f"{run['ratio']:.3f} under {run['condition']}{known}, {below} 0.80")
+    loop, target = result.loop, case.conditions["rest"].ffr
+    word = "meets" if loop.reached else "misses"
+    rest = (
+        f"At rest the 3D model has Pd/Pa {loop.ratio:.4f} and {word} the measured {target:.3f}"
+        f" with alpha = {loop.alpha:.4g}."
+    )
+    return (f"FFR in 3D: {'; '.join(parts)}. " if parts else "") + rest
+
+
+def _own_rule(result: StudyResult) -> str:
+    rules = result.choice.rules or (result.bench.case.stress.rule,)
+    own = result.bench.case.stress.rule
+    return own if own in rules else rules[0]
+
+
+def _calibrations(result: StudyResult) -> Iterator[Document]:
+    """Fixed, linear surrogate, curve surrogate and 3D in the loop side by side."""
+    target = result.bench.case.conditions["rest"].ffr
+    assert target is not None
+    rest = [run for run in result.runs if run["condition"] == "rest"]
+    names = {NOMINAL: 0, PAPER: 1, CURVE: 2}
+    for run in sorted(rest, key=lambda r: names.get(r["label"], 3)):
+        yield {
+            "label": run["label"],
+            "origin": ORIGINS.get(run["label"], "corrected in 3D"),
+            "alpha": run["alpha"],
+            "rest_ratio": run["ratio"],
+            "error": run["ratio"] - target,
+            "best": run["alpha"] == result.loop.alpha,
+            "drift_mmHg": run["drift_mmHg"],
+        }
+
+
+def _rows(result: StudyResult) -> Iterator[Document]:
+    """One row a condition and rule: measured, 0D and 3D, nominal and calibrated."""
+    case = result.bench.case
+    settings = dict.fromkeys(
+        (run["condition"], run["rule"])
+        for run in sorted(result.runs, key=lambda r: r["condition"] != "rest")
+    )
+    for condition, rule in settings:
+        mine = [r for r in result.runs if (r["condition"], r["rule"]) == (condition, rule)]
+        found = {r["label"]: r["ratio"] for r in mine}
+        best = [r["ratio"] for r in mine if r["alpha"] == result.loop.alpha]
+        flows = [
+            r["cycles"][-1]["ports"][_distal(r)]["mean_Q_ml_per_min"]
+            for r in mine
+            if r["alpha"] == result.loop.alpha
+        ]
+        reduced = {
+            (law, boundary): _reduced(result, condition, rule, law, boundary)
+            for law in result.reduced.calibrations
+            for boundary in (CALIBRATED, FIXED)
+        }
+        yield {
+            "condition": condition,
+            "rule": rule,
+            "measured": case.conditions[condition].ffr,
+            "linear_0d": reduced.get((LINEAR, CALIBRATED)),
+            "curve_0d": reduced.get((QUADRATIC, CALIBRATED)),
+            "curve_0d_nominal": reduced.get((QUADRATIC, FIXED)),
+            "fsi": best[0] if best else None,
+            "fsi_nominal": found.get(NOMINAL),
+            "flow_ml_per_min": flows[0] if flows else None,
+        }
+
+
+def _distal(run: Mapping[str, Any]) -> str:
+    return next(n for n in run["cycles"][-1]["ports"] if n.startswith("anomalous"))
+
+
+def _reduced(
+    result: StudyResult, condition: str, rule: str | None, law: str, boundary: str
+) -> float | None:
+    wanted = (condition, law, rule, boundary)
+    for run in result.reduced.runs:
+        if (run.condition, run.law, run.rule, run.boundary) == wanted:
+            return run.ratio
+    return None
+
+
+def _sensitivities(result: StudyResult) -> Iterator[Document]:
+    """Of stress FFR, by the curve surrogate with α tuned at rest."""
+    for run in result.reduced.runs:
+        own = (run.law, run.rule, run.boundary) == (QUADRATIC, _own_rule(result), CALIBRATED)
+        if own and run.condition != "rest":
+            yield {
+                "condition": run.condition,
+                "rule": run.rule,
+                "ffr": run.ratio,
+                "at_fixed_alpha": run.at_fixed_alpha,
+                "recalibrated": run.recalibrated,
+            }
+
+
+def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
+    ramp = ramp_part(result.record, result.fit, result.choice.ramp)
+    ratio = ramp["tangent_40_mmHg"] / ramp["secants_by_drop_mmHg"]["8"]["secant"]
+    yield (
+        "info",
+        f"the slope of the ramp at 40 mmHg is {ratio:.1f} times the resistance at a drop of 8 mmHg:"
+        " the linear surrogate of the paper takes the one for the other",
+    )
+    if ramp["largest_drop_mmHg"] < 40.0:
+        text = f"the ramp ends at {ramp['largest_drop_mmHg']:.0f} mmHg: R0 at 40 is extrapolated"
+        yield "warning", text
+    if not result.loop.reached:
+        yield (
+            "warning",
+            f"the resting ratio in 3D misses the measured one by"
+            f" {_miss(result):.4f} after"
+            f" {result.loop.extra_runs} extra runs",
+        )
+    for run in result.runs:
+        change = run["ratio_change"]
+        if change is not None and change > 0.002:
+            text = f"{run['folder']}: the ratio still changes by {change:.4f} from cycle to cycle"
+            yield "warning", f"{text}; take more cycles"
+        elif change is None and (run["drift_mmHg"] or 0.0) > PERIODIC_MMHG:
+            yield (
+                "warning",
+                f"{run['folder']}: one cycle, and the coronary bed moved by"
+                f" {run['drift_mmHg']:.1f} mmHg in it; take two (--cycles 2) to see what it does to"
+                " the ratio",
+            )
+        if run["repeated"]:
+            yield (
+                "info",
+                f"{run['folder']}: {run['repeated']} steps failed and were repeated with smaller"
+                " ones",
+            )
+    for law, reason in result.reduced.failures.items():
+        yield "warning", f"the {law} surrogate could not be calibrated: {reason}"
+
+
+def _miss(result: StudyResult) -> float:
+    target = result.bench.case.conditions["rest"].ffr
+    assert target is not None
+    return abs(result.loop.ratio - target)

@@ -1,0 +1,232 @@
+"""Many cases side by side: each in a process of its own, and what became of them.
+
+A case is a child process that runs `jaxfsi study` (mode `3d`) or `jaxfsi run` (mode `curve`) into a
+folder of its own, on one core. Their results are kept there: the same call goes on with those that
+are not finished. A case that fails says why and does not stop the others.
+"""
+
+import contextlib
+import dataclasses
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+from study.case import read_case
+from study.faults import CaseError, Fault
+from study.provenance import input_files, sha256
+from study.results import RESULT_FILE, STUDY_FILE
+from study.stages import stage_key
+
+Mode = Literal["curve", "3d"]
+MODES: tuple[Mode, ...] = ("curve", "3d")
+
+STATUS_FILE, LOG_FILE = "status.json", "log.txt"
+CORE = "JAXFSI_CORE"
+"""Environment variable that tells a child on which core to run."""
+
+_PROGRAM = f"""
+import os, sys
+core = os.environ.get("{CORE}", "")
+if core and hasattr(os, "sched_setaffinity"):
+    os.sched_setaffinity(0, {{int(core)}})
+from study.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+_LOOK_SECONDS = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class Member:
+    """A case of a cohort.
+
+    Attributes:
+        name: of its folder.
+        path: its case file.
+        folder: where its results go.
+    """
+
+    name: str
+    path: pathlib.Path
+    folder: pathlib.Path
+
+
+@dataclasses.dataclass(frozen=True)
+class Fate:
+    """What became of a case.
+
+    Attributes:
+        member: the case.
+        status: exit status of its command; 0 is done.
+        seconds: that it took; 0 where it was finished before.
+        document: its result; None where there is none.
+        reason: why there is none.
+    """
+
+    member: Member
+    status: int
+    seconds: float
+    document: dict[str, Any] | None
+    reason: str
+
+
+def find_members(folder: pathlib.Path, out: pathlib.Path) -> list[Member]:
+    """Cases of a folder: its case files, or one in each of its folders, by name.
+
+    Raises:
+        CaseError: there is none, or the folder does not exist.
+    """
+    found: dict[str, pathlib.Path] = {}
+    if folder.is_dir():
+        for path in sorted(folder.glob("*/case.toml")):
+            found[path.parent.name] = path
+        for path in sorted(folder.glob("*.toml")):
+            found.setdefault(path.stem, path)
+    if not found:
+        cure = "give a folder with NAME/case.toml or NAME.toml, one for each patient"
+        problem = "no case in it" if folder.is_dir() else "no such folder"
+        raise CaseError([Fault(folder, "", None, problem, "", cure)])
+    return [Member(name, path, out / name) for name, path in found.items()]
+
+
+def member_key(member: Member, mode: Mode, extra: Sequence[str]) -> str:
+    """Hash of the input files and options of a case."""
+    files = [sha256(path) for path in input_files(read_case(member.path))]
+    return stage_key("member", mode, tuple(extra), files)
+
+
+def run_cohort(
+    members: Sequence[Member],
+    mode: Mode,
+    *,
+    extra: Sequence[str] = (),
+    workers: int | None = None,
+    expected: float = 60.0,
+    tell: Callable[[str, float, float], None] | None = None,
+) -> list[Fate]:
+    """Run all cases that are not finished, some at a time.
+
+    Args:
+        members: the cases.
+        mode: `curve` in 0D, `3d` the whole algorithm.
+        extra: further options of the command of each case.
+        workers: cases at a time; None: one a core.
+        expected: seconds that a case usually takes.
+        tell: told of what is at work, the share done and the seconds left.
+
+    Returns:
+        What became of each, in their order.
+
+    Raises:
+        KeyboardInterrupt: the user interrupted; what runs is ended and can be resumed.
+    """
+    cores = _cores()
+    workers = max(1, workers or len(cores))
+    fates: dict[str, Fate] = {}
+    waiting: list[Member] = []
+    for member in members:
+        known = _finished(member, mode, extra)
+        if known is None:
+            waiting.append(member)
+        else:
+            fates[member.name] = known
+    running: dict[str, tuple[Member, subprocess.Popen[bytes], float, int]] = {}
+    begun, done = time.monotonic(), 0
+    try:
+        while waiting or running:
+            free = [k for k in range(workers) if k not in {slot for *_, slot in running.values()}]
+            while waiting and free:
+                member, slot = waiting.pop(0), free.pop(0)
+                core = cores[slot % len(cores)] if workers > 1 else None
+                running[member.name] = (
+                    member, _started(member, mode, extra, core), time.monotonic(), slot,
+                )  # fmt: skip
+            time.sleep(_LOOK_SECONDS)
+            for name, (member, process, start, _) in list(running.items()):
+                if process.poll() is None:
+                    continue
+                del running[name]
+                done += 1
+                fates[name] = _ended(member, mode, extra, process.returncode, start)
+            if tell is not None:
+                left = len(waiting) + len(running)
+                spent = time.monotonic() - begun
+                pace = spent / done if done else expected / workers
+                text = f"{len(fates)} of {len(members)} cases done; at work: {', '.join(running)}"
+                tell(text, len(fates) / len(members), _left(pace, left, spent, done))
+    except BaseException:
+        for _, process, _, _ in running.values():
+            with contextlib.suppress(ProcessLookupError):
+                process.send_signal(signal.SIGINT)
+        for _, process, _, _ in running.values():
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(30.0)
+            if process.poll() is None:
+                process.kill()
+        raise
+    return [fates[member.name] for member in members]
+
+
+def _left(pace: float, cases: int, spent: float, done: int) -> float:
+    """Seconds left: those of the cases, less what has passed since the last one ended."""
+    return max(pace * cases - (spent - pace * done), 0.2 * pace)
+
+
+def _cores() -> list[int]:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return sorted(os.sched_getaffinity(0))
+    return list(range(os.cpu_count() or 1))
+
+
+def _started(
+    member: Member, mode: Mode, extra: Sequence[str], core: int | None
+) -> subprocess.Popen[bytes]:
+    member.folder.mkdir(parents=True, exist_ok=True)
+    command = "study" if mode == "3d" else "run"
+    arguments = [command, str(member.path), *extra, "--out", str(member.folder)]
+    alone = {} if core is None else {CORE: str(core)}  # beside it runs another case
+    with (member.folder / LOG_FILE).open("wb") as log:
+        return subprocess.Popen(
+            [sys.executable, "-c", _PROGRAM, *arguments],
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            env={**os.environ, **alone},
+            start_new_session=True,
+        )
+
+
+def _result_file(member: Member, mode: Mode) -> pathlib.Path:
+    return member.folder / (STUDY_FILE if mode == "3d" else RESULT_FILE)
+
+
+def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> Fate | None:
+    """What became of a case before; None where it must be run."""
+    try:
+        status = json.loads((member.folder / STATUS_FILE).read_text(encoding="utf-8"))
+        if status["key"] != member_key(member, mode, extra) or status["status"] != 0:
+            return None
+        document = json.loads(_result_file(member, mode).read_text(encoding="utf-8"))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return Fate(member, 0, 0.0, document, "")
+
+
+def _ended(member: Member, mode: Mode, extra: Sequence[str], status: int, start: float) -> Fate:
+    seconds = time.monotonic() - start
+    document, reason = None, ""
+    if status == 0:
+        document = json.loads(_result_file(member, mode).read_text(encoding="utf-8"))
+        kept = {"key": member_key(member, mode, extra), "status": 0, "seconds": seconds}
+        (member.folder / STATUS_FILE).write_text(json.dumps(kept), encoding="utf-8")
+    else:
+        text = (member.folder / LOG_FILE).read_text(encoding="utf-8", errors="replace")
+        lines = [line for line in text.splitlines() if line.strip()]
+        reason = " ".join(lines[-3:])[-600:] or f"ended with status {status}"
+    return Fate(member, status, seconds, document, reason)

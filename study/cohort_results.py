@@ -1,0 +1,190 @@
+"""The document of the command `cohort`: predicted and measured ratios, patient by patient.
+
+| boundary | meaning |
+|---|---|
+| fixed | nominal outlet, α = 1 for everybody |
+| calibrated | α tuned to the measured resting ratio; in mode `3d` with the 3D model in the loop |
+| linear, curve | at rest in mode `3d`: the ratio in 3D with the α of either surrogate alone |
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+from study.agreement import Agreement, agreement
+from study.algorithm import CURVE, PAPER
+from study.case import Case, read_case
+from study.case_anatomy import SyntheticAnatomy
+from study.cohort import Fate, Mode
+from study.faults import CaseError
+from study.patient import QUADRATIC
+from study.pipeline import CALIBRATED, FIXED
+from study.results import FORMAT, ratio_name
+
+Document = dict[str, Any]
+
+ORDER = ("rest", "adenosine", "dobutamine")
+"""Conditions in the order of the paper's figures; others follow."""
+
+
+class Pair(NamedTuple):
+    """A predicted ratio beside the measured one.
+
+    Attributes:
+        patient: name of the case.
+        side: `left` or `right`; None where the case does not say.
+        condition: name of the condition.
+        rule: stress rule; None at rest.
+        boundary: see above.
+        predicted: ratio [-].
+        measured: ratio [-].
+    """
+
+    patient: str
+    side: str | None
+    condition: str
+    rule: str | None
+    boundary: str
+    predicted: float
+    measured: float
+
+
+def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Document) -> Document:
+    """The document of a cohort.
+
+    Args:
+        fates: what became of each case.
+        mode: how they were run.
+        provenance: command, versions, date.
+    """
+    pairs = [pair for fate in fates if fate.document for pair in _pairs(fate, mode)]
+    groups = list(_groups(pairs))
+    return {
+        "format": FORMAT,
+        "kind": "cohort",
+        "mode": mode,
+        "patients": [_patient(fate, mode) for fate in fates],
+        "pairs": [pair._asdict() for pair in pairs],
+        "groups": groups,
+        "changes": list(_changes(groups)),
+        "provenance": provenance,
+    }
+
+
+def side_of(case: Case) -> str | None:
+    """Which artery is anomalous, where the case says so."""
+    return case.anatomy.side if isinstance(case.anatomy, SyntheticAnatomy) else None
+
+
+def _patient(fate: Fate, mode: Mode) -> Document:
+    document = fate.document
+    side = None
+    try:
+        side = side_of(read_case(fate.member.path))
+    except CaseError:
+        pass
+    alpha, extra = None, None
+    if document is not None:
+        alpha = document["loop"]["alpha"] if mode == "3d" else _own_alpha(document)
+        extra = document["loop"]["extra_runs"] if mode == "3d" else None
+    return {
+        "name": fate.member.name,
+        "side": side,
+        "status": fate.status,
+        "reason": fate.reason,
+        "seconds": fate.seconds,
+        "alpha": alpha,
+        "extra_runs": extra,
+    }
+
+
+def _own_alpha(document: Document) -> float | None:
+    fit = document["calibrations"].get(QUADRATIC) or {}
+    return fit.get("alpha")
+
+
+def _pairs(fate: Fate, mode: Mode) -> Iterator[Pair]:
+    case = read_case(fate.member.path)
+    side, document = side_of(case), fate.document
+    assert document is not None
+    values = _of_study(document) if mode == "3d" else _of_run(document)
+    for condition, rule, boundary, predicted in values:
+        entry = case.conditions.get(condition)
+        if entry is not None and entry.ffr is not None and predicted is not None:
+            yield Pair(
+                fate.member.name, side, condition, rule, boundary, float(predicted), entry.ffr
+            )
+
+
+_Value = tuple[str, str | None, str, float | None]
+
+
+def _of_study(document: Document) -> Iterator[_Value]:
+    for row in document["rows"]:
+        yield row["condition"], row["rule"], CALIBRATED, row["fsi"]
+        yield row["condition"], row["rule"], FIXED, row["fsi_nominal"]
+    names = {PAPER: "linear", CURVE: "curve"}
+    for entry in document["calibrations"]:
+        if entry["label"] in names:
+            yield "rest", None, names[entry["label"]], entry["rest_ratio"]
+
+
+def _of_run(document: Document) -> Iterator[_Value]:
+    for run in document["runs"]:
+        if run["law"] == document["law"]:
+            ratio = run[ratio_name(run["condition"])]
+            yield run["condition"], run["rule"], run["boundary"], ratio
+
+
+def _groups(pairs: Sequence[Pair]) -> Iterator[Document]:
+    """Agreement of each condition, rule and boundary."""
+    settings = dict.fromkeys((p.condition, p.rule, p.boundary) for p in pairs)
+
+    def place(setting: tuple[str, str | None, str]) -> tuple[Any, ...]:
+        condition, rule, boundary = setting
+        at = ORDER.index(condition) if condition in ORDER else len(ORDER)
+        return at, condition, rule or "", boundary != FIXED, boundary
+
+    for condition, rule, boundary in sorted(settings, key=place):
+        mine = [
+            p for p in pairs if (p.condition, p.rule, p.boundary) == (condition, rule, boundary)
+        ]
+        found = agreement([p.predicted for p in mine], [p.measured for p in mine])
+        yield {
+            "condition": condition,
+            "rule": rule,
+            "boundary": boundary,
+            **_numbers(found),
+            "largest_error": max(abs(p.predicted - p.measured) for p in mine),
+        }
+
+
+def _numbers(found: Agreement) -> Document:
+    """Its numbers; None where there is none, as JSON has no nan."""
+    return {
+        name: value if math.isfinite(value) else None for name, value in found._asdict().items()
+    }
+
+
+def _changes(groups: Sequence[Document]) -> Iterator[Document]:
+    """RMSE, bias and spread from the fixed to the calibrated boundary."""
+    by = {(g["condition"], g["rule"], g["boundary"]): g for g in groups}
+    for (condition, rule, boundary), fixed in by.items():
+        tuned = by.get((condition, rule, CALIBRATED))
+        if boundary != FIXED or tuned is None:
+            continue
+        relative = None
+        if fixed["rmse"] > 0.0:
+            relative = tuned["rmse"] / fixed["rmse"] - 1.0
+        yield {
+            "condition": condition,
+            "rule": rule,
+            "n": tuned["n"],
+            "rmse_fixed": fixed["rmse"],
+            "rmse_calibrated": tuned["rmse"],
+            "rmse_change": relative,
+            "bias_fixed": fixed["bias"],
+            "bias_calibrated": tuned["bias"],
+            "sd_fixed": fixed["sd"],
+            "sd_calibrated": tuned["sd"],
+        }

@@ -1,0 +1,191 @@
+"""Recorded beats of a condition, read from a CSV file, with the faults that recordings have.
+
+Columns `time_s`, `P_aorta_mmHg`, `P_distal_mmHg`, `Q_coronary_ml_per_min`; a sensor that was not
+there has no column. Uniform samples of one or several whole beats from the start of ejection on.
+"""
+
+import math
+import pathlib
+from collections.abc import Callable
+
+import numpy as np
+
+from lumped.units import ML_PER_MIN
+from study.advice import explain_wrong_unit
+from study.faults import Fault, shown
+from study.schema import Quantity
+
+FEWEST_SAMPLES = 32
+"""Samples a beat below which its shape is lost."""
+
+LARGEST_SIZE = 2**26
+"""Largest file [bytes]."""
+
+CLIPPED_SHARE = 0.03
+"""Share of a beat at its very maximum (or minimum) that shows a clipped trace."""
+
+SWAPPED_MMHG = 8.0
+"""Excess of distal over aortic mean pressure that no sensor error explains."""
+
+TIME = Quantity("time", "time", "s", -60.0, 600.0)
+COLUMNS = (
+    TIME,
+    Quantity("P_aorta", "pressure", "mmHg", 5.0, 350.0),
+    Quantity("P_distal", "pressure", "mmHg", -20.0, 350.0),
+    Quantity("Q_coronary", "flow", "ml_per_min", -3000.0, 6000.0),
+)
+_SENSOR = {"P_aorta": "P_aorta", "P_distal": "P_distal", "Q_coronary": "Q"}
+
+Refuse = Callable[[object, str, str, str], None]
+
+
+def read_beats(
+    path: pathlib.Path, period: float, P_systolic: float, key: str, faults: list[Fault]
+) -> dict[str, np.ndarray]:
+    """Read the beats of a condition; faults are added to the list.
+
+    Args:
+        path: the CSV file.
+        period: length of a beat [s].
+        P_systolic: what the record states [mmHg].
+        key: the key that names the file, for the messages.
+        faults: where faults are collected.
+
+    Returns:
+        Beats × samples of each sensor [mmHg, mL/s]; empty where the file is at fault.
+    """
+    before = len(faults)
+
+    def refuse(value: object, problem: str, allowed: str, cure: str) -> None:
+        faults.append(Fault(path, key, value, problem, allowed, cure))
+
+    table = _table(path, refuse)
+    if table is None:
+        return {}
+    count = _beats_in(table["time"], period, refuse)
+    if count is None:
+        return {}
+    n = table["time"].size // count
+    beats = {
+        _SENSOR[name]: values[: n * count].reshape(count, n)
+        for name, values in table.items()
+        if name != "time"
+    }
+    _check_traces(beats, P_systolic, refuse)
+    if "Q" in beats:
+        beats["Q"] = beats["Q"] * ML_PER_MIN
+    return beats if len(faults) == before else {}
+
+
+def _table(path: pathlib.Path, refuse: Refuse) -> dict[str, np.ndarray] | None:
+    header_text = ",".join(column.key for column in COLUMNS)
+    try:
+        if path.stat().st_size > LARGEST_SIZE:
+            refuse(None, "too large for some beats", "64 MiB", "cut the record to some beats")
+            return None
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        refuse(None, f"the file cannot be read: {error}", "", f"give CSV text: {header_text}")
+        return None
+    rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip()]
+    header = rows[0] if rows else []
+    known = {column.key: column.name for column in COLUMNS}
+    if len(set(header)) != len(header):
+        refuse(",".join(header), "a column is given twice", header_text, "remove one of them")
+        return None
+    for name in header:
+        if name not in known:
+            slip = explain_wrong_unit(name, None, COLUMNS)
+            cure = f"convert the column: {slip[2]}" if slip else "remove or rename the column"
+            refuse(name, "unknown column", header_text, cure)
+            return None
+    for needed in ("time_s", "P_aorta_mmHg"):
+        if needed not in header:
+            cure = "name the columns in the first line, separated by commas"
+            refuse(",".join(header), f"the column {needed} is missing", header_text, cure)
+            return None
+    values = np.full((len(rows) - 1, len(header)), np.nan)
+    for k, row in enumerate(rows[1:]):
+        try:
+            values[k] = [float(cell) for cell in row]
+        except ValueError:
+            pass
+        if not np.isfinite(values[k]).all():
+            cure = f"correct sample {k + 1}, or cut the record to beats without gaps"
+            refuse(",".join(row), "not a row of finite numbers", f"{len(header)} numbers", cure)
+            return None
+    found = {known[name]: values[:, k] for k, name in enumerate(header)}
+    for column in COLUMNS:
+        wave = found.get(column.name)
+        if wave is not None and wave.size:
+            bad = [v for v in (wave.min(), wave.max()) if not column.holds(float(v))]
+            if bad:
+                cure = f"check the unit of {column.key} (1 kPa = 7.5 mmHg) and the calibration"
+                refuse(float(bad[0]), f"{column.key} is not plausible", column.allowed, cure)
+                return None
+    return found
+
+
+def _beats_in(t: np.ndarray, period: float, refuse: Refuse) -> int | None:
+    """Number of whole beats; None where times are at fault."""
+    if t.size < FEWEST_SAMPLES:
+        refuse(t.size, "too few samples", f"{FEWEST_SAMPLES} a beat", "export at a higher rate")
+        return None
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    if dt <= 0.0 or np.abs(np.diff(t) - dt).max() > 0.4 * dt:
+        cure = f"resample to a uniform step near {abs(dt):.4g} s; look for lost samples"
+        refuse(None, "the times are not uniform and increasing", "uniform times", cure)
+        return None
+    if abs(t[0]) > 0.5 * dt:
+        cure = f"subtract {t[0]:g} s from all times; t = 0 is the start of ejection"
+        refuse(float(t[0]), "the beats do not start at t = 0", "0 s", cure)
+        return None
+    span = (t.size * dt) / period
+    count = round(span)
+    if count < 1 or abs(span - count) > 0.02 * max(count, 1):
+        cure = "cut the record to whole beats, or correct period_s"
+        refuse(round(span, 3), "the file does not hold whole beats", "a whole number", cure)
+        return None
+    if t.size / count < FEWEST_SAMPLES:
+        refuse(t.size // count, "too few samples a beat", f"{FEWEST_SAMPLES}", "use a higher rate")
+        return None
+    return count
+
+
+def _check_traces(beats: dict[str, np.ndarray], P_systolic: float, refuse: Refuse) -> None:
+    aorta = beats["P_aorta"]
+    mean_beat = aorta.mean(axis=0)
+    peak = float(mean_beat.max())
+    if not P_systolic / 1.6 <= peak <= P_systolic * 1.6:
+        cure = "check that both are in mmHg and of the same condition, and that columns match names"
+        allowed = f"near P_systolic_mmHg = {P_systolic:g}"
+        refuse(round(peak, 1), "the aortic peak is far from the stated one", allowed, cure)
+    at = float(mean_beat.argmax()) / mean_beat.size
+    if not 0.08 <= at <= 0.55:
+        cure = "shift the trace so that it starts where the aortic valve opens, or correct period_s"
+        refuse(round(at, 3), "the aortic peak lies outside ejection", "0.08 to 0.55 beats", cure)
+    for name, trace in beats.items():
+        if name == "Q":
+            continue
+        pulse = float(np.ptp(trace.mean(axis=0)))
+        if pulse < 2.0:
+            refuse(round(pulse, 2), f"{name} hardly moves", "a pulse above 2 mmHg",
+                   "was the sensor connected? leave the column out if not")  # fmt: skip
+        for extreme, side in ((trace.max(), "top"), (trace.min(), "bottom")):
+            flat = float(np.mean(np.abs(trace - extreme) < 1e-6 * max(abs(extreme), 1.0)))
+            if flat > CLIPPED_SHARE and flat * trace.shape[1] >= 3:
+                cure = f"record {name} again with a larger range, or leave the column out"
+                problem = f"{name} is clipped at the {side}"
+                refuse(shown(float(extreme)), problem, "no flat stretch at an extreme", cure)
+    distal = beats.get("P_distal")
+    if distal is not None and distal.mean() > aorta.mean() + SWAPPED_MMHG:
+        cure = "swap the two columns if they were exchanged; else check the zero of both sensors"
+        excess = round(float(distal.mean() - aorta.mean()), 1)
+        refuse(excess, "the distal pressure lies above the aortic one", "at most 8 mmHg", cure)
+    flow = beats.get("Q")
+    if flow is not None and flow.mean() <= 0.0:
+        cure = "turn the sign: flow into the coronary is positive"
+        value = round(float(flow.mean()), 2)
+        refuse(value, "the mean coronary flow is not positive", "above 0", cure)
+    if not all(math.isfinite(float(wave.sum())) for wave in beats.values()):
+        refuse(None, "a trace is not finite", "finite numbers", "cut out the gap")

@@ -1,0 +1,78 @@
+"""Synthetic records for the tests of the diagnosis."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from diagnosis import CATALOGUE, Record, RecordedCondition, measured
+from diagnosis.circuit import SAMPLES
+from diagnosis.measured import correlation
+from diagnosis.prediction import Situation, as_waves, predict, selection, situations
+
+STEP = 2
+SETTINGS = (
+    ("rest", "none", 0.8, 110.0, 65.0),
+    ("adenosine", "adenosine", 0.7, 105.0, 60.0),
+    ("dobutamine", "dobutamine", 0.45, 130.0, 70.0),
+    ("dobutamine_high", "dobutamine", 0.4, 140.0, 74.0),
+)
+NAMES = tuple(effect.id for effect in CATALOGUE)
+
+
+def settings() -> Record:
+    """Four conditions, the last held out, with nothing measured but ratios."""
+    conditions = tuple(
+        RecordedCondition(name, drug, k, k == 3, T, high, low, ffr=0.9)
+        for k, (name, drug, T, high, low) in enumerate(SETTINGS)
+    )
+    return Record("test", conditions, 0.5, 0.05, 0.01, 3.75, 0.15)
+
+
+@jax.jit
+def _waves(case: Situation, own: jax.Array, sizes: jax.Array) -> jax.Array:
+    return jax.vmap(lambda c, o: as_waves(predict(c, o, CATALOGUE, sizes)))(case, own)
+
+
+def noise(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Half white, half correlated over 0.06 beat, of unit variance."""
+    K = correlation(0.06)[::STEP, ::STEP]
+    value, vector = np.linalg.eigh(K)
+    root = vector * np.sqrt(np.maximum(value, 0.0))
+    white, smooth = rng.standard_normal((2, *shape))
+    return np.sqrt(0.5) * (white + smooth @ root.T)
+
+
+def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: float = 0.5) -> Record:
+    """A record of the model itself with effects of some size, and noise."""
+    rng = np.random.default_rng(seed)
+    plain = settings()
+    blank = measured(plain)
+    x = 0.5 * rng.standard_normal(5 + 2 * 4)
+    own = jnp.asarray(selection(4, 0) @ x)
+    values = jnp.asarray(np.array([sizes.get(name, 0.0) for name in NAMES]))
+    waves = np.asarray(_waves(situations(blank), own, values))[..., ::STEP]
+    n = SAMPLES // STEP
+    conditions = []
+    for c, condition in enumerate(plain.conditions):
+        noisy = {
+            name: waves[c, s] + sd * np.sqrt(beats) * noise(rng, (beats, n))
+            for s, name in enumerate(("P_aorta", "P_distal"))
+        }
+        means = {name: float(wave.mean()) for name, wave in noisy.items()}
+        conditions.append(
+            RecordedCondition(
+                condition.name,
+                condition.drug,
+                c,
+                condition.held_out,
+                condition.period,
+                condition.P_systolic,
+                condition.P_diastolic,
+                mean_P_aorta=means["P_aorta"],
+                mean_P_distal=means["P_distal"],
+                ffr=means["P_distal"] / means["P_aorta"],
+                mean_Q=float(waves[c, 2].mean()),
+                beats=noisy,
+            )
+        )
+    return Record("test", tuple(conditions), sd if beats == 1 else None, 0.05, 0.01, 3.75, 0.15)

@@ -1,0 +1,115 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from diagnosis import CATALOGUE, Effect, measured
+from diagnosis.circuit import PHASE
+from diagnosis.prediction import as_data, as_waves, base_circuit, predict, situations
+from lumped import (
+    MMHG,
+    Fourier,
+    Shooting,
+    Surrogate,
+    condition_from_clinic,
+    nominal_coronary,
+    solve_periodic,
+    stress_rule,
+)
+from tests.diagnosis.records import settings
+
+ADENOSINE = 1
+OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.5, -0.4]))
+
+
+def case():
+    one = jax.tree.map(lambda leaf: leaf[ADENOSINE], situations(measured(settings())))
+    return one._replace(dobutamine=one.adenosine)  # both, so that every effect shows
+
+
+@jax.jit
+def data(sizes):
+    return as_data(predict(case(), OWN, CATALOGUE, sizes), 3)
+
+
+def surrogate(K: float | None = None):
+    circuit = base_circuit(case(), OWN)
+    nominal = nominal_coronary()
+    bed = nominal_coronary(
+        C_a=nominal.C_a * jnp.exp(0.4 * OWN[2]), C_im=nominal.C_im * jnp.exp(0.4 * OWN[3])
+    )
+    model = Surrogate(
+        R0=circuit.R0 * MMHG,
+        alpha=0.25 * jnp.exp(OWN[1]),
+        coronary=bed,
+        C0=circuit.C0 / MMHG,
+        K=None if K is None else K * MMHG,
+    )
+    setting = condition_from_clinic(105.0 + 2.0 * 0.5, 60.0 - 2.0 * 0.4, 0.7)
+    return model.network(setting, rule=stress_rule("printed")), setting.period
+
+
+def test_base_circuit_is_the_surrogate_of_the_paper():
+    network, period = surrogate()
+    exact = solve_periodic(network, period, Fourier(n_samples=1024))
+    waves = as_waves(predict(case(), OWN, CATALOGUE, jnp.zeros(len(CATALOGUE))))
+    step = 1024 // PHASE.size
+    distal = np.asarray(exact.pressure("distal"))[::step] / MMHG
+    # 40 harmonics of a pressure with kinks: 0.1 mmHg next to them, 0.03 rms
+    assert np.sqrt(np.mean((distal - waves[1]) ** 2)) < 0.05
+    assert float(waves[1].mean()) == pytest.approx(
+        float(exact.mean_pressure("distal")) / MMHG, 1e-4
+    )
+
+
+def test_quadratic_loss_agrees_with_shooting():
+    network, period = surrogate(K=6.0)
+    exact = solve_periodic(network, period, Shooting(n_steps=256))
+    sizes = jnp.zeros(len(CATALOGUE)).at[0].set(6.0)
+    waves = as_waves(predict(case(), OWN, CATALOGUE, sizes))
+    there = np.interp(PHASE * float(period), exact.t, np.asarray(exact.pressure("distal")) / MMHG)
+    # the flow's harmonics above 24 see the mean of the nonlinear slope: 0.06 mmHg rms
+    assert np.sqrt(np.mean((there - np.asarray(waves[1])) ** 2)) < 0.1
+    assert abs(there.mean() - float(waves[1].mean())) < 0.02
+
+
+def test_an_effect_of_size_zero_changes_nothing():
+    plain = as_data(predict(case(), OWN, (), jnp.zeros(0), nonlinear=False), 3)
+    zero = data(jnp.zeros(len(CATALOGUE)))
+    # round-off of pressures near 100 through a linear solve
+    np.testing.assert_allclose(zero, plain, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("k", range(len(CATALOGUE)), ids=[e.id for e in CATALOGUE])
+def test_jacobian_of_every_effect_matches_central_differences(k):
+    effect = CATALOGUE[k]
+    at = jnp.zeros(len(CATALOGUE)).at[k].set(0.5 * effect.sd)
+    h = 1e-4 * effect.sd
+    exact = jacobian(at)[:, k]
+    central = (data(at.at[k].add(h)) - data(at.at[k].add(-h))) / (2.0 * h)
+    scale = float(jnp.max(jnp.abs(exact)))
+    assert scale > 0.0
+    # truncation h²/6 f''' and |Q|'s kink in the quadratic loss
+    np.testing.assert_allclose(central, exact, atol=2e-6 * scale)
+
+
+@jax.jit
+def jacobian(sizes):
+    return jax.jacfwd(data)(sizes)
+
+
+def test_a_user_adds_an_effect_in_ten_lines():
+    leak = Effect(
+        id="leak",
+        place="wall",
+        unit="mL/(s mmHg)",
+        sd=0.002,
+        change=lambda c, size: c._replace(G_collateral=c.G_collateral + size),
+        equation="Q = G (P_inlet - P_2)",
+        sentence="blood leaks past the ostium",
+        settled_by="an occlusion pressure",
+        source="assumed",
+    )
+    more = as_data(predict(case(), OWN, (leak,), jnp.ones(1) * 0.002), 2)
+    less = as_data(predict(case(), OWN, (leak,), jnp.zeros(1)), 2)
+    assert float(more[-3]) > float(less[-3])  # the distal mean rises

@@ -1,0 +1,164 @@
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from diagnosis import CATALOGUE, diagnose, measured, noise_of, stacked
+from diagnosis.cohort import pool
+from diagnosis.evidence import Whitened, posterior
+from diagnosis.hypothesis import linearise, numbers_of, score_scan
+from diagnosis.next_measurement import aliases, isolability, next_measurements
+from diagnosis.shrink import fitted_gap, held_out_gap
+from diagnosis.verdict import is_closed, probabilities_of
+from diagnosis.where import joint_map, place_shares, rest_map
+from tests.diagnosis.records import NAMES, synthetic
+
+CAUSES = (
+    {"vasodilation": 0.5},
+    {"quadratic_loss": 6.0},
+    {"signal_delay": 0.02},
+    {},
+    {"sensor_height": -5.0, "intramyocardial_pump": 0.4},
+)
+
+
+@pytest.fixture(scope="module")
+def found():
+    records = [synthetic(sizes, seed=k) for k, sizes in enumerate(CAUSES)]
+    return diagnose(stacked([measured(record) for record in records]))
+
+
+def test_single_causes_are_named_with_their_sizes(found):
+    for diagnosis, sizes in zip(found[:3], CAUSES[:3], strict=True):
+        (name, size) = next(iter(sizes.items()))
+        assert diagnosis.judgement.verdict == "named"
+        assert diagnosis.judgement.named == (name,)
+        fitted = diagnosis.fits[(name,)]
+        # five posterior standard deviations: one seed, three effects
+        assert abs(float(fitted.sizes[NAMES.index(name)]) - size) < 5.0 * float(fitted.size_sd[0])
+
+
+def test_no_cause_is_no_gap(found):
+    judgement = found[3].judgement
+    assert judgement.verdict == "no_gap"
+    assert sum(judgement.probabilities.values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_two_causes_are_both_found(found):
+    inclusion = found[4].judgement.inclusion
+    assert inclusion["intramyocardial_pump"] > 0.8
+    assert inclusion["sensor_height"] + inclusion["aortic_zero_error"] > 0.8
+
+
+def test_the_held_out_gap_shrinks_to_the_noise(found):
+    (held,) = held_out_gap(found[1])
+    assert held.P_distal_rms is not None
+    assert held.P_distal_rms.before > 2.0
+    # noise 0.5 mmHg and the posterior of the fit
+    assert held.P_distal_rms.after < 1.0
+    assert fitted_gap(found[1]).after < 0.2 * fitted_gap(found[1]).before
+
+
+def test_no_fit_ends_above_the_base_optimum(found):
+    for diagnosis in found:
+        base = diagnosis.base
+        limit = float(base.chi2) + float(base.x @ base.x) + 1e-6
+        for fitted in diagnosis.fits.values():
+            assert bool(fitted.sound)
+            if fitted is not base and len(diagnosis.fits) > 21:
+                continue
+            assert float(fitted.chi2) + float(fitted.x @ fitted.x) <= limit
+
+
+def test_maps_point_to_the_condition_and_to_the_model(found):
+    after_rest = rest_map(found[0].record)
+    assert after_rest is not None
+    assert after_rest.blocks[0].condition in (1, 2)  # vasodilation acts under stress alone
+    assert joint_map(found[3]).p_value > 0.01
+    assert joint_map(found[1]).p_value < 0.01
+    shares = place_shares(found[2])
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_aliases_and_next_measurements_are_consistent(found):
+    # nothing but the shape of a trace tells them apart (cosine near 1)
+    assert ("vasodilation", "r1_r3_dilation") in aliases(found[4])
+    for option in next_measurements(found[4]):
+        assert option.expected_log_bayes_factor >= 1.0
+    richer = isolability(found[3].record, CATALOGUE, 0.5)
+    counts = [sum(v >= 3.0 for v in richer[name].values()) for name in ("means", "waveforms")]
+    assert counts[1] > counts[0]
+
+
+def test_score_scan_agrees_with_the_exact_linear_evidence(found):
+    diagnosis = found[0]
+    numbers = numbers_of(CATALOGUE)
+    zero = jnp.zeros(len(CATALOGUE))
+    line = linearise(diagnosis.record, CATALOGUE, numbers, jnp.asarray(diagnosis.base.x), zero)
+    scan = score_scan(line, numbers)[0]
+    (e, J), G = line.linear, line.effects
+    alone = posterior(Whitened(e, J)).log_evidence
+    for k in (4, 15, 18):
+        sided = jnp.zeros(J.shape[-1] + 1).at[-1].set(numbers.one_sided[k])
+        joined = Whitened(e, jnp.concatenate([J, G[..., k : k + 1]], axis=-1))
+        exact = posterior(joined, None, sided).log_evidence - alone
+        # the same linear-Gaussian integral done in two ways
+        assert float(scan[k]) == pytest.approx(float(exact), rel=1e-6, abs=1e-6)
+
+
+def test_evidence_with_columns_matches_the_dense_gaussian():
+    rng = np.random.default_rng(3)
+    e, J, F = rng.normal(size=(2, 7)), rng.normal(size=(2, 7, 3)), rng.normal(size=(2, 7, 2))
+    C = np.eye(14) + J.reshape(14, 3) @ J.reshape(14, 3).T
+    for c in range(2):
+        C[7 * c : 7 * c + 7, 7 * c : 7 * c + 7] += F[c] @ F[c].T
+    flat = e.reshape(14)
+    exact = -0.5 * flat @ np.linalg.solve(C, flat) - 0.5 * np.linalg.slogdet(C)[1]
+    found = posterior(Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.asarray(F)).log_evidence
+    assert float(found) == pytest.approx(exact, rel=1e-12)
+
+
+def test_pooled_patients_say_more_than_one(found):
+    pooled = pool([found[0]] * 3)
+    assert pooled.patients == 3
+    assert pooled.named == ("vasodilation",)
+    with pytest.raises(ValueError, match="at least one diagnosis"):
+        pool([])
+
+
+def test_probabilities_follow_bayes_rule():
+    log_Z = {(): 0.0, ("a",): 3.0, ("b",): 0.0}
+    p = probabilities_of(log_Z, np.zeros((1, 1, 1)), 2)
+    weights = {"none": 0.25, "a": 0.25 * np.exp(3.0), "b": 0.25, "unknown": 0.15}
+    for name, weight in weights.items():
+        assert p[name] == pytest.approx(weight / sum(weights.values()), rel=1e-12)
+
+
+def test_closure_needs_a_good_fit_or_little_excess():
+    assert is_closed(100.0, 500.0, 110, 10)
+    assert not is_closed(250.0, 500.0, 110, 10)
+    assert is_closed(135.0, 500.0, 110, 10)
+
+
+def test_noise_is_estimated_from_the_scatter_of_beats():
+    noise = noise_of(synthetic({}, beats=12, sd=0.5))
+    assert noise.origin == "estimated"
+    # the beats' own means count as offset and take 4 % of the sd with them
+    assert noise.pressure_sd == pytest.approx(0.5, rel=0.1)
+    assert 0.4 < noise.white_share < 0.65
+
+
+@pytest.mark.slow
+def test_diagnosis_of_a_batch_equals_that_of_one(found):
+    alone = diagnose(stacked([measured(synthetic(CAUSES[2], seed=2))]))[0]
+    for name, p in alone.judgement.probabilities.items():
+        # fits end within their tolerance whatever else is in the block
+        assert p == pytest.approx(found[2].judgement.probabilities[name], abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_poor_record_abstains():
+    record = synthetic({"back_pressure": 8.0}, seed=9)
+    judgement = diagnose(stacked([measured(record, "ffr")]))[0].judgement
+    assert judgement.verdict in ("no_gap", "ambiguous")
+    with pytest.raises(ValueError, match="is not known"):
+        measured(record, "everything")

@@ -1,0 +1,130 @@
+"""Cases side by side in the 0D mode: one of them at fault, resumed, changed."""
+
+import json
+
+import pytest
+
+from study.cohort import find_members, run_cohort
+from study.demo import demo_cohort_path
+from study.virtual_cohort import case_text, patients
+
+CASE = """\
+[patient]
+id = "{name}"
+[condition.rest]
+P_systolic_mmHg = 110.0
+P_diastolic_mmHg = 65.0
+period_s = 0.80
+ffr = {rest}
+[condition.dobutamine]
+P_systolic_mmHg = 130.0
+P_diastolic_mmHg = 70.0
+period_s = 0.45
+ffr = {stress}
+[surrogate]
+R0_dyn_s_per_cm5 = 5.0e3
+[coronary]
+P_venous_mmHg = {venous}
+"""
+
+
+def _write(folder, name, rest, stress, venous=0.0):
+    (folder / name).mkdir(parents=True)
+    text = CASE.format(name=name, rest=rest, stress=stress, venous=venous)
+    (folder / name / "case.toml").write_text(text)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two sound cases, and one whose ratio lies below what its venous pressure allows."""
+    folder = tmp_path_factory.mktemp("patients")
+    _write(folder, "a", 0.93, 0.90)
+    _write(folder, "b", 0.88, 0.86)
+    _write(folder, "c", 0.20, 0.18, venous=30.0)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cohort(folder, command, tmp_path_factory):
+    out = tmp_path_factory.mktemp("cohort")
+    return _cohort(command, folder, out)
+
+
+def _cohort(command, folder, out):
+    options = ("--workers", "2", "--json", "--out", out, "--", "--no-mesh")
+    found = command("cohort", folder, *options)
+    assert found.status == 0, found.stderr
+    return found._replace(folder=out)
+
+
+def test_faulty_case_does_not_stop_the_others(cohort):
+    status = {p["name"]: p["status"] for p in cohort.json["patients"]}
+    assert status == {"a": 0, "b": 0, "c": 2}
+    reason = cohort.json["patients"][2]["reason"]
+    assert "venous pressure" in reason or "cannot be reached" in reason
+    assert (cohort.folder / "a" / "report.html").is_file()
+
+
+def test_groups_hold_the_differences_of_the_cases(cohort):
+    document = cohort.written("cohort.json")
+    group = next(
+        g
+        for g in document["groups"]
+        if (g["condition"], g["rule"], g["boundary"]) == ("dobutamine", "all", "fixed")
+    )
+    # R0/(R0 + R_total/2) of the divider, by hand
+    half = (3.1992e4 + 6.3984e4 + 2.666e5) / 2.0
+    predicted = half / (5.0e3 + half)
+    errors = [predicted - 0.90, predicted - 0.86]
+    assert group["n"] == 2
+    assert group["bias"] == pytest.approx(sum(errors) / 2.0, abs=1e-9)
+    tuned = [g for g in document["groups"] if g["boundary"] != "fixed"]
+    rest = next(g for g in tuned if g["condition"] == "rest")
+    assert rest["rmse"] < 1e-9  # calibrated
+    page = (cohort.folder / "cohort.html").read_text()
+    assert page.count("<svg") == 3
+
+
+@pytest.mark.slow
+def test_again_runs_only_what_failed_or_changed(cohort, folder, command):
+    before = {n: (cohort.folder / n / "result.json").stat().st_mtime_ns for n in "ab"}
+    text = (folder / "b" / "case.toml").read_text()
+    (folder / "b" / "case.toml").write_text(text.replace("ffr = 0.86", "ffr = 0.85"))
+    again = _cohort(command, folder, cohort.folder)
+    after = {n: (cohort.folder / n / "result.json").stat().st_mtime_ns for n in "ab"}
+    assert after["a"] == before["a"]
+    assert after["b"] != before["b"]
+    old = [p for p in cohort.json["pairs"] if p["patient"] == "a"]
+    assert [p for p in again.json["pairs"] if p["patient"] == "a"] == old
+
+
+def test_interrupted_children_are_ended(folder, tmp_path):
+    members = find_members(folder, tmp_path)[:1]
+
+    def stop(text, share, left):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_cohort(members, "curve", extra=["--no-mesh"], tell=stop)
+    assert not (members[0].folder / "status.json").exists()
+    assert not (members[0].folder / "result.json").exists()
+
+
+def test_folder_without_cases_is_refused(tmp_path, command):
+    found = command("cohort", tmp_path, folder=tmp_path / "out")
+    assert found.status == 2
+    assert "no case in it" in found.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_virtual_cohort_is_what_its_script_makes():
+    made = patients()
+    assert [p["side"] for p in made].count("left") == 3
+    assert len(made) == 10
+    folder = demo_cohort_path()
+    truth = json.loads((folder / "truth.json").read_text())
+    for patient in made:
+        assert (folder / patient["id"] / "case.toml").read_text() == case_text(patient)
+        kept = truth["patients"][patient["id"]]["exact_ratios"]
+        for name, entry in patient["conditions"].items():
+            assert kept[name] == pytest.approx(entry["exact"], rel=1e-9)

@@ -89,6 +89,13 @@ def _check_means(
         "mean_P_distal_mmHg": ("P_distal", values["mean_P_distal"], 1.0),
         "mean_flow_ml_per_min": ("Q", values["mean_Q"], ML_PER_MIN),
     }
+    high, low = values["mean_P_aorta"], values["mean_P_distal"]
+    if high is not None and low is not None and "P_distal" in beats:
+        P = [float(beats[name].mean()) for name in ("P_aorta", "P_distal")]
+        straight, crossed = abs(P[0] - high) + abs(P[1] - low), abs(P[1] - high) + abs(P[0] - low)
+        if straight > 2.0 and crossed < 0.3 * straight:
+            cure = "swap the columns P_aorta_mmHg and P_distal_mmHg of the file"
+            context.add(f"{heading}.file", None, "the traces' means are exchanged", cure)
     for key, (sensor, value, unit) in stated.items():
         if value is None or sensor not in beats:
             continue

@@ -125,7 +125,8 @@ def test_own_stress_factors_default_to_one(tmp_path):
 
 def test_template_is_a_valid_case(tmp_path):
     case = read_case(write_case(tmp_path, case_template()))
-    for command in set(REQUIREMENTS) - {"mesh", "simulate", "study"}:  # its anatomy is commented out
+    # its anatomy is commented out
+    for command in set(REQUIREMENTS) - {"mesh", "simulate", "study"}:
         require(case, command)
     assert case.wall == WallParameters()
     assert case.coronary == CoronaryParameters()

@@ -102,7 +102,7 @@ examples:
   jaxfsi study case.toml --preset coarse             everything, one cycle each
   jaxfsi study case.toml --cycles 4 --continued      four cycles at rest, then four under stress
   jaxfsi study case.toml --rules printed,all --nominal
-  jaxfsi study --demo --quick --out results          the bundled patient in about ten minutes
+  jaxfsi study --demo --quick --out results          the bundled patient in about five minutes
 
 needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,
 pictures, stages/ and the fields of every run below runs/. Given again, the command goes on where it

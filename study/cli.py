@@ -14,13 +14,13 @@ from collections.abc import Sequence
 
 from diagnosis import Record
 from study.algorithm import run_study
-from study.algorithm_report import stored_study_report, write_study
+from study.algorithm_report import write_study
 from study.anatomy_source import case_anatomy, states_of
 from study.arguments import parse
 from study.cache import use_cache
 from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
-from study.cohort_command import cohort_command, cohort_report
+from study.cohort_command import cohort_command
 from study.demo import demo_case_path, demo_cohort_path
 from study.diagnosis_report import diagnosis_report
 from study.diagnosis_results import (
@@ -29,7 +29,7 @@ from study.diagnosis_results import (
     PLAN_FILE,
     diagnosis_document,
 )
-from study.diagnosis_run import diagnose_record, plan_record, with_case
+from study.diagnosis_run import diagnose_record, plan_record, record_origin, with_case
 from study.faults import CaseError, Fault
 from study.mesh_case import (
     chosen_states,
@@ -39,22 +39,20 @@ from study.mesh_case import (
     mesh_states,
     planned_steps,
 )
-from study.mesh_results import embedded, mesh_document, stored_pictures, write_meshes
+from study.mesh_results import embedded, mesh_document, write_meshes
 from study.output import OutputRefused, check_folder, write_files, write_tree
 from study.pipeline import run_case
 from study.progress import Progress
-from study.provenance import origin, provenance
+from study.provenance import provenance
 from study.record_file import read_record, record_path
 from study.report import html_report, simulation_report
 from study.results import (
-    COHORT_PAGE,
     MESH_FILE,
     PAGE_FILE,
     REPORT_FILE,
     RESULT_FILE,
     SIMULATION_FILE,
     SIMULATION_PAGE,
-    STUDY_PAGE,
     Document,
     calibration_document,
     case_document,
@@ -74,10 +72,10 @@ from study.simulation_results import (
     Drawn,
     embedded_pictures,
     simulation_document,
-    stored_simulation_pictures,
     write_pictures,
 )
 from study.simulation_run import STEP_NAME, clear_run, run_simulation
+from study.stored_page import page_name, stored_page
 from study.study_command import study_case, study_choice
 from study.summary import summary
 from study.sweep import (
@@ -287,7 +285,9 @@ def _diagnose(options: argparse.Namespace) -> None:
     with Progress() as progress:
         diagnosis = diagnose_record(record, options.richness, progress)
         progress.step("writing the report")
-        document = diagnosis_document(record, remarks, diagnosis, _record_origin(options))
+        document = diagnosis_document(
+            record, remarks, diagnosis, record_origin(options.record, options.command_line)
+        )
         files = {DIAGNOSIS_PAGE: diagnosis_report(document), DIAGNOSIS_FILE: to_json(document)}
         written = write_files(folder, files)
     _show(options, document, written)
@@ -296,7 +296,9 @@ def _diagnose(options: argparse.Namespace) -> None:
 def _plan(options: argparse.Namespace) -> None:
     record, _, folder = _open_record(options, needs_data=False)
     with Progress() as progress:
-        document = plan_record(record, progress, _record_origin(options))
+        document = plan_record(
+            record, progress, record_origin(options.record, options.command_line)
+        )
     _show(options, document, write_files(folder, {PLAN_FILE: to_json(document)}))
 
 
@@ -315,19 +317,13 @@ def _open_record(
     return record, remarks, folder
 
 
-def _record_origin(options: argparse.Namespace) -> Document:
-    file = record_path(options.record)
-    files = [file, *sorted(file.parent.glob("*.csv"))]
-    return origin(files, file.parent, options.command_line)
-
-
 def _show_result(options: argparse.Namespace) -> None:
     document = load_document(options.result)
     try:
         summary(document)
         page = ""
         if options.out is not None:
-            page = _page(options.result, document)
+            page = stored_page(options.result, document)
     except (KeyError, TypeError, IndexError, ValueError) as error:
         problem = f"a part of the result is missing or damaged: {error!r}"
         raise CaseError(
@@ -335,37 +331,8 @@ def _show_result(options: argparse.Namespace) -> None:
         ) from error
     written = []
     if options.out is not None:
-        names = {
-            "mesh": PAGE_FILE,
-            "simulate": SIMULATION_PAGE,
-            "study": STUDY_PAGE,
-            "cohort": COHORT_PAGE,
-            "diagnose": DIAGNOSIS_PAGE,
-        }
-        name = names.get(document["kind"], REPORT_FILE)
-        written = write_files(check_folder(options.out), {name: page})
+        written = write_files(check_folder(options.out), {page_name(document): page})
     _show(options, document, written)
-
-
-def _page(result: pathlib.Path, document: Document) -> str:
-    """The report of a stored result."""
-    folder = result if result.is_dir() else result.parent
-    if document["kind"] == "cohort":
-        return cohort_report(document)
-    if document["kind"] == "study":
-        return stored_study_report(folder, document)
-    if document["kind"] == "diagnose":
-        return diagnosis_report(document)
-    if document["kind"] == "simulate":
-        return simulation_report(document, stored_simulation_pictures(folder, document))
-    return html_report(document, _pictures_beside(result, document))
-
-
-def _pictures_beside(result: pathlib.Path, document: Document) -> dict[str, dict[str, str]]:
-    """Pictures of the meshes of a stored result, as they lie beside it."""
-    part = document if document["kind"] == "mesh" else document.get("mesh") or {}
-    folder = result if result.is_dir() else result.parent
-    return stored_pictures(folder, part) if "states" in part else {}
 
 
 def _template(options: argparse.Namespace) -> None:

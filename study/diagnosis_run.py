@@ -1,12 +1,16 @@
 """Runs the diagnosis of one record, and the plan of its next measurement, with progress shown."""
 
 import dataclasses
+import pathlib
+from collections.abc import Sequence
 
 from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, stacked
 from lumped.units import MMHG_S_PER_ML
 from study.case import Case
 from study.diagnosis_results import Document, plan_document
 from study.progress import Progress
+from study.provenance import origin
+from study.record_file import record_path
 
 CASE_SD_LOG = 0.15
 """Log-sd of a resistance that comes from a patient's own anatomy."""
@@ -55,6 +59,17 @@ def plan_record(record: Record, progress: Progress, provenance: Document) -> Doc
         diagnosis = diagnose_record(record, None, progress)
     progress.step("comparing sets of sensors")
     return plan_document(record, diagnosis, settings, CATALOGUE, provenance)
+
+
+def record_origin(place: pathlib.Path, command: Sequence[str]) -> Document:
+    """What must be known to compute the result of a record again.
+
+    Args:
+        place: the record's file or folder.
+        command: the command as it was given.
+    """
+    file = record_path(place)
+    return origin([file, *sorted(file.parent.glob("*.csv"))], file.parent, command)
 
 
 def with_case(record: Record, case: Case) -> tuple[Record, str]:

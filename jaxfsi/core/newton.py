@@ -216,12 +216,7 @@ def _(primals, tangents):
 
     r, change = eqx.filter_jvp(equations, (model, step), (model_change, step_change))
     # a row that does not depend on what is changed has no tangent
-    change = jax.tree.map(
-        lambda r, dr: jnp.zeros_like(r) if dr is None else dr,
-        r,
-        change,
-        is_leaf=lambda a: a is None,
-    )
+    change = jax.tree.map(lambda r, dr: jnp.zeros_like(r) if dr is None else dr, r, change)
     b, unravel = ravel_pytree(change)
     scaling, forward = _scaling(model, stepper), tangent(y, model, step, stepper)
     backward = jax.linear_transpose(forward, b.astype(jnp.float32))

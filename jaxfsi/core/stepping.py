@@ -85,13 +85,13 @@ def _advance(
     model: Model, state: State, stepper: Stepper, wanted: Bool[Array, ""] | None
 ) -> tuple[State, StepReport]:
     if wanted is None:
-        return _advanced(model, state, stepper)
+        return _solved(model, state, stepper)
     return jax.lax.cond(
-        wanted, lambda: _advanced(model, state, stepper), lambda: (state, no_report())
+        wanted, lambda: _solved(model, state, stepper), lambda: (state, no_report())
     )
 
 
-def _advanced(model: Model, state: State, stepper: Stepper) -> tuple[State, StepReport]:
+def _solved(model: Model, state: State, stepper: Stepper) -> tuple[State, StepReport]:
     step = _begun(model, state, stepper)
     guess = extrapolated(state.t + stepper.dt, model, state)
     y, convergence = solve_step(guess, model, step, stepper)

@@ -1,0 +1,55 @@
+"""The page of a stored result, drawn again from its document and the pictures beside it."""
+
+import pathlib
+
+from study.algorithm_report import stored_study_report
+from study.cohort_command import cohort_report
+from study.diagnosis_report import diagnosis_report
+from study.diagnosis_results import DIAGNOSIS_PAGE
+from study.mesh_results import stored_pictures
+from study.report import html_report, simulation_report
+from study.results import (
+    COHORT_PAGE,
+    PAGE_FILE,
+    REPORT_FILE,
+    SIMULATION_PAGE,
+    STUDY_PAGE,
+    Document,
+)
+from study.simulation_results import stored_simulation_pictures
+
+_NAMES = {
+    "mesh": PAGE_FILE,
+    "simulate": SIMULATION_PAGE,
+    "study": STUDY_PAGE,
+    "cohort": COHORT_PAGE,
+    "diagnose": DIAGNOSIS_PAGE,
+}
+
+
+def page_name(document: Document) -> str:
+    """Name of the file of a document's page."""
+    return _NAMES.get(document["kind"], REPORT_FILE)
+
+
+def stored_page(result: pathlib.Path, document: Document) -> str:
+    """The page of a stored result.
+
+    Args:
+        result: its file or folder.
+        document: what the file holds.
+
+    Raises:
+        KeyError, TypeError, IndexError, ValueError: a part of it is missing or damaged.
+    """
+    folder = result if result.is_dir() else result.parent
+    if document["kind"] == "cohort":
+        return cohort_report(document)
+    if document["kind"] == "study":
+        return stored_study_report(folder, document)
+    if document["kind"] == "diagnose":
+        return diagnosis_report(document)
+    if document["kind"] == "simulate":
+        return simulation_report(document, stored_simulation_pictures(folder, document))
+    part = document if document["kind"] == "mesh" else document.get("mesh") or {}
+    return html_report(document, stored_pictures(folder, part) if "states" in part else {})

@@ -19,12 +19,16 @@ from scipy.spatial import KDTree
 from jaxfsi import reordered
 from jaxfsi.core.state import initial_state
 from jaxfsi.core.stepper import prepare
+from jaxfsi.mesh import INTERFACE
 from jaxfsi.mesh_files import read_mesh_complete, read_vtu
 from jaxfsi.verification import (
+    channel_cylinder,
     coupled_tube,
     derivatives,
     elastic_tube,
     ethier_steinman,
+    nozzle,
+    prestressed_pipe,
     rigid_tube,
     tube_wave,
     volume_balance,
@@ -114,6 +118,37 @@ def windkessel_cases() -> dict[str, tuple[Any, ...]]:
     return cases
 
 
+def prestress() -> Iterator[Figure]:
+    """Stresses of a pipe that carries a pressure undeformed."""
+    folder = SHARED_DATA / "svfsi-tests" / "pipe_prestress" / "wall_mesh-complete"
+    if folder.is_dir():
+        labels = {
+            "wall_inner": INTERFACE,
+            "wall_inlet": "inlet_ring",
+            "wall_outlet": "outlet_ring",
+        }
+        mesh = reordered(read_mesh_complete(None, folder, unit="cm", labels=labels))
+        for element in ("linear", "quadratic"):
+            yield from prestressed_pipe.pipe_figures(mesh, element)
+
+
+def cylinder() -> Iterator[Figure]:
+    """Forces on a cylinder across a channel."""
+    mesh = reordered(channel_cylinder.channel_mesh(5))
+    forces = channel_cylinder.cylinder_forces(mesh, dt=0.2, n_steps=30)
+    name = "DFG 3D-1Z"
+    yield figure(name, "drag coefficient", forces.drag, channel_cylinder.DRAG, 0.01)
+    yield figure(name, "its change in the last step", forces.change, 0.0, 1e-4)
+
+
+def expansion() -> Iterator[Figure]:
+    """Loss of a nozzle with a sudden expansion."""
+    found = nozzle.nozzle_flow(reordered(nozzle.nozzle_mesh(3)), dt=5e-3, n_steps=400)
+    name = "FDA nozzle, Re 500"
+    yield in_band(name, "loss coefficient", found.K, nozzle.LEAST, nozzle.MOST)
+    yield figure(name, "its change in the last tenth", found.change, 0.0, 0.01)
+
+
 def orders() -> Iterator[Figure]:
     """Orders of convergence of an unsteady solution in three dimensions."""
     solution = ethier_steinman.EthierSteinman(mu=0.01)
@@ -178,6 +213,9 @@ PROBLEMS: dict[str, Callable[[], Iterator[Figure]]] = {
     "pulse": pulse,
     "rigid": rigid,
     "windkessel": windkessel,
+    "prestress": prestress,
+    "cylinder": cylinder,
+    "nozzle": expansion,
     "orders": orders,
     "speed": speed,
     "volume": volume,

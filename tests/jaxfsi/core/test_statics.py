@@ -86,9 +86,11 @@ def test_equilibrium_of_a_large_deformation_is_found_and_differentiated(vessel):
 def test_prestressed_wall_carries_its_pressure_undeformed(vessel):
     model, loads, factor = vessel
     found = prestressed(model, loads, factor)
-    assert float(jnp.max(jnp.abs(found.d))) < 1e-4 * 0.2
-    residuals = np.asarray(found.residuals)
-    assert np.all(residuals[1:4] < 0.5 * residuals[:3])
+    assert float(jnp.max(jnp.abs(found.d))) < 1e-8 * 0.2
+    # What is left is squared from pass to pass: the third has the square of the second's strain.
+    strain = np.asarray(found.residuals) / 0.2
+    assert strain[2] < 5.0 * strain[1] ** 2
+    assert strain[3] < 5.0 * strain[2] ** 2 + 1e-9
     assert found.model.prestress is not None
     hoop = float(jnp.mean(jnp.trace(found.model.prestress)))
     assert hoop > 1.333e5

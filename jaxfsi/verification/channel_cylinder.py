@@ -116,8 +116,9 @@ def _joined(points: np.ndarray, triangles: np.ndarray) -> Section:
     """Points that coincide made one, triangles turned counter-clockwise."""
     _, first, index = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
     points, triangles = points[first], index.reshape(-1)[triangles]
-    a, b, c = (points[triangles[:, k]] for k in range(3))
-    turned = np.cross(b - a, c - a) < 0.0
+    a, b, c = (points[triangles[:, k]].T for k in range(3))
+    (bx, by), (cx, cy) = b - a, c - a
+    turned = bx * cy < by * cx
     triangles[turned] = triangles[turned][:, ::-1]
     return Section(points, triangles, np.full(len(triangles), int(Region.FLUID)))
 

@@ -132,13 +132,16 @@ def fit_hypothesis(
 
     slopes = _by_condition(whitened, W, cases, chooser)
 
-    x, value, J = descend(slopes, W * data, start)
+    x, value, _ = descend(slopes, W * data, start)
     residual = W * data - value
     own = chooser @ x
     seen = jax.vmap(beat)(cases, own)
     F = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
     sided = jnp.concatenate([jnp.zeros(k), chosen @ numbers.one_sided])
-    after = posterior(Whitened(residual + J @ x, J), F, sided)
+    # below zero a one-sided size has levelled off and lost its slope: the evidence looks from zero
+    inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
+    value, J = slopes(inside)
+    after = posterior(Whitened(W * data - value + J @ inside, J), F, sided)
     sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (chosen @ numbers.sd)
     chi2 = jnp.sum(residual**2)
     sound = jnp.isfinite(after.log_evidence) & jnp.isfinite(chi2)

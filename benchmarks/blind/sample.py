@@ -50,7 +50,7 @@ def _sampled(
     chooser = jnp.asarray(selection(record.n_conditions, 2))
     chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
     F = form_uncertainty(record, effects, numbers, pair, x, nonlinear=nonlinear)
-    factor = jnp.linalg.cholesky(jnp.eye(F.shape[1]) + jnp.einsum("cdm,cem->cde", F, F))
+    factor = jnp.linalg.cholesky(jnp.eye(F.shape[1])[None] + jnp.einsum("cdm,cem->cde", F, F))
 
     def residual(x: Array) -> Array:
         """Residuals in units of noise and form tolerance together."""

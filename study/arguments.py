@@ -129,6 +129,7 @@ cohort.html, cohort.json and a folder with the report of each case.
 examples:
   jaxfsi diagnose record                       a folder with record.toml
   jaxfsi diagnose record --case case.toml      R0 from the patient's case
+  jaxfsi diagnose record --case case-results   R0 from the ramp of a finished study
   jaxfsi diagnose record --richness means      use no more than means of the record
 
 writes diagnosis.json and diagnosis.html. Conditions with held_out = true are predicted and only
@@ -210,7 +211,10 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     for name in _ON_RECORDS:
         parsers[name].add_argument("record", type=pathlib.Path, metavar="RECORD", help="its folder")
         parsers[name].add_argument(
-            "--case", type=pathlib.Path, metavar="CASE", help="case file that R0 is taken from"
+            "--case",
+            type=pathlib.Path,
+            metavar="CASE",
+            help="case file or finished study that R0 is taken from",
         )
     parsers["diagnose"].add_argument(
         "--richness", choices=RICHNESS, help="use no more of the record; default: all"

@@ -308,7 +308,7 @@ def _open_record(
     """The record, what it lacks, and the checked folder for results; computing may begin."""
     record, remarks = read_record(options.record, needs_data=needs_data)
     if options.case is not None:
-        record, more = with_case(record, read_case(options.case))
+        record, more = with_case(record, options.case)
         remarks = (*remarks, more)
     place = record_path(options.record).resolve().parent
     folder = place.parent / f"{place.name}-results" if options.out is None else options.out

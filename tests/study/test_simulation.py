@@ -16,6 +16,7 @@ from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from lumped import MMHG
 from study import read_case
+from study.case import WindkesselParameters
 from study.simulation_case import check_simulation, plan_steps, prepare_simulation
 
 CASE = """\
@@ -212,8 +213,21 @@ def test_blocks_start_in_the_periodic_state(case_file):
         assert entry.P_diastolic * 0.7 < starts["aorta_outlet"][0] < entry.P_systolic
         assert entry.P_diastolic * 0.7 < starts["anomalous_outlet"][0] < entry.P_systolic
     # half of (2 P_diastolic + P_systolic)/3 / CO at rest
-    R_stress = setup.outlets.blocks["aorta_outlet"].R_distal
-    assert float(R_stress) == pytest.approx(0.5 * (130.0 + 110.0) / 3.0 * MMHG / 75.0)
+    windkessel = setup.outlets.blocks["aorta_outlet"]
+    total = 0.5 * (130.0 + 110.0) / 3.0 * MMHG / 75.0
+    assert float(windkessel.R_proximal + windkessel.R_distal) == pytest.approx(total)
+    assert float(windkessel.R_proximal) > 50.0
+
+
+def test_windkessel_of_the_paper_can_be_had(case_file):
+    case = read_case(case_file)
+    case = dataclasses.replace(case, windkessel=WindkesselParameters("paper"))
+    setup = prepare_simulation(
+        case, _three_openings(0), "rest", plan_steps(case, "rest"), rigid=True
+    )
+    windkessel = setup.outlets.blocks["aorta_outlet"]
+    assert float(windkessel.R_proximal) == 10.0
+    assert float(windkessel.R_distal) == pytest.approx((130.0 + 110.0) / 3.0 * MMHG / 75.0)
 
 
 @pytest.mark.parametrize(

@@ -89,5 +89,5 @@ def _pieces(axes: Axes, entry: Document) -> None:
     )
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set_xlabel("distance from the ostium [mm]")
-    axes.set_ylabel("change of the ratio, lumen wider by 0.1 mm")
-    axes.set_title(f"millimetre by millimetre; all of it: {part['whole_wider_0.1_mm']:+.3f}")
+    axes.set_ylabel("change of the ratio, this millimetre wider by 0.1 mm")
+    axes.set_title(f"all of the artery: {part['whole_wider_0.1_mm']:+.3f}")

@@ -253,7 +253,8 @@ def _aortic_flow(run: Document) -> Iterator[tuple[str, str]]:
         "warning",
         f"{run['folder']}: the flow in the aorta, {low:.0f} to {high:.0f} l/min, is not to be read:"
         " it is what the Windkessel takes under the given pressure. Its velocity head makes the"
-        f" mean pressure at the ostium differ by {offset:.1f} mmHg from that at the inlet",
+        f" mean pressure at the ostium differ by {offset:.1f} mmHg from that at the inlet; try"
+        ' characteristic = "impedance" below [windkessel]',
     )
 
 

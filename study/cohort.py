@@ -32,7 +32,8 @@ CORE = "JAXFSI_CORE"
 """Environment variable that tells a child on which core to run."""
 
 _PROGRAM = f"""
-import os, sys, threading
+import os, signal, sys, threading
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
 def leave():
     os.read(0, 1)  # ends with the process that started this one
     os._exit(130)

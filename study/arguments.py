@@ -102,6 +102,7 @@ examples:
   jaxfsi study case.toml --preset coarse             everything, one cycle each
   jaxfsi study case.toml --cycles 4 --continued      four cycles at rest, then four under stress
   jaxfsi study case.toml --rules printed,all --nominal
+  jaxfsi study case.toml --sensitivities dobutamine  and which piece of the lumen moves FFR
   jaxfsi study --demo --quick --out results          the bundled patient in about five minutes
 
 needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,
@@ -294,6 +295,13 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
         "--conditions", type=_names, metavar="NAMES", help="under stress; default: all of the case"
     )
     command.add_argument("--nominal", action="store_true", help="also run with alpha = 1")
+    command.add_argument(
+        "--sensitivities",
+        type=_names,
+        metavar="NAMES",
+        help="conditions whose ratio in 3D is differentiated by parameters and lumen, such as "
+        "dobutamine; with rest among them, also with alpha tuned again; five to ten runs each",
+    )
     command.add_argument(
         "--paper",
         action=argparse.BooleanOptionalAction,

@@ -198,7 +198,7 @@ def swept_gradient(
         reading_of(setup, site),
         n_steps=plan.n_steps,
         per_cycle=plan.per_cycle,
-        chunk=plan.per_frame * (2 if plan.per_cycle // plan.per_frame % 2 == 0 else 1),
+        chunk=plan.per_frame,
         kept=kept,
         tell=tell,
     )

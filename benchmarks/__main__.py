@@ -25,6 +25,8 @@ BENCHMARKS = (
     "slit",
     "steps",
 )
+LONG = ("sensitivity", "convergence")
+"""Run only where they are named: an hour and more on two cores."""
 
 
 def main() -> int:
@@ -35,7 +37,7 @@ def main() -> int:
     """
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--out", type=pathlib.Path, default=pathlib.Path("results/benchmarks"))
-    parser.add_argument("--only", nargs="+", choices=BENCHMARKS, default=BENCHMARKS)
+    parser.add_argument("--only", nargs="+", choices=(*BENCHMARKS, *LONG), default=BENCHMARKS)
     parser.add_argument("--rounds", type=int, default=5, help="timed calls of each function")
     parser.add_argument(
         "--preset", choices=("coarse", "medium", "fine"), default="medium", help="of meshing"

@@ -54,7 +54,7 @@ from calibration.sweep import (
     simulate_many,
     sweep_alpha,
 )
-from calibration.systemic import systemic_windkessel
+from calibration.systemic import characteristic_impedance, systemic_windkessel
 from calibration.targets import (
     Experiment,
     NetworkExperiment,

@@ -2,12 +2,20 @@
 
     R_s = (⅔ P_diastolic + ⅓ P_systolic) / CO,   C_s = SV / (P_systolic − P_diastolic),   R_c = 10.
 
-Source: Puelz et al. 2024 (arXiv 2405.01703), section 2.2. There R_s is the whole mean pressure over
-the cardiac output, R_c comes on top of it. With SV = CO·T the product R_s C_s is
-T·MAP/(P_systolic − P_diastolic): a flow-driven run forgets its start only slowly.
+The characteristic impedance of the aorta, for R_c in place of 10::
+
+    Z = ρ c / A,   c² = E h / (2 ρ r (1 − ν²))
+
+Source: Puelz et al. 2024 (arXiv 2405.01703), section 2.2; of Z and c: Nichols & O'Rourke,
+McDonald's Blood Flow in Arteries, chapter 3 (Moens-Korteweg, a thin tube that keeps its length).
+In the paper R_s is the whole mean pressure over the cardiac output, R_c comes on top of it. With
+SV = CO·T the product R_s C_s is T·MAP/(P_systolic − P_diastolic): a flow-driven run forgets its
+start only slowly.
 """
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from lumped import RCR
 from lumped.parameters import Parameter, is_traced, real
@@ -58,3 +66,22 @@ def systemic_windkessel(
         C=volume / (P_systolic - P_diastolic),
         R_distal=(2.0 * P_diastolic + P_systolic) / 3.0 / flow,
     )
+
+
+def characteristic_impedance(
+    area: Parameter, rho: Parameter, E: Parameter, nu: Parameter, thickness_per_radius: Parameter
+) -> Float[Array, ""]:
+    """Characteristic impedance of a thin elastic tube [dyn·s/cm⁵].
+
+    A resistance of this size at the end of a tube sends no wave back. All arguments are
+    differentiated.
+
+    Args:
+        area: of the lumen [cm²].
+        rho: density of the blood [g/cm³].
+        E: Young's modulus of the wall [dyn/cm²].
+        nu: Poisson's ratio [-].
+        thickness_per_radius: wall thickness over lumen radius [-].
+    """
+    speed = jnp.sqrt(E * real(thickness_per_radius) / (2.0 * real(rho) * (1.0 - real(nu) ** 2)))
+    return rho * speed / area

@@ -1,4 +1,4 @@
-"""The catalogue: twenty effects that the surrogate of the paper leaves out.
+"""The catalogue: twenty-two effects that the surrogate of the paper leaves out.
 
 Symbols as in `circuit`: s, a, d are 1 under stress, adenosine, dobutamine; φ is the size. Ranges
 and sources are discussed in the README; "assumed" marks a range without a measurement behind it.
@@ -68,6 +68,14 @@ CATALOGUE: tuple[Effect, ...] = (
         sentence="the proximal vessel's resistance differs from the one computed for it",
         settled_by="a finer CT and the pressure drop computed in it",
         source="resolution of CT; range assumed",
+    ),
+    Effect(
+        id="stress_narrowing", place="ostium", unit="-", sd=0.5,
+        change=lambda c, size: c._replace(R0=c.R0 * jnp.exp(c.stress * size)),
+        equation="R0 exp(s φ)",
+        sentence="the proximal vessel is narrower (or wider) under stress than at rest",
+        settled_by="intravascular ultrasound under stress",
+        source="area −14 % (48 adults) to −39 % under stress (ultrasound); range assumed",
     ),
     Effect(
         id="inertance", place="ostium", unit="mmHg s2/ml", sd=0.08, one_sided=True,
@@ -159,7 +167,7 @@ CATALOGUE: tuple[Effect, ...] = (
         two_starts=True,
         tolerance=GUESSED_FORM,
         change=lambda c, size: c._replace(wall_time=c.wall_time + size),
-        equation="P = (V + τ dV/dt)/C_a, τ = φ",
+        equation="C_a (e + (1 − e)/(1 + iωφ)), e = 0.5",
         sentence="the arterial wall is viscous as well as elastic",
         settled_by="a flow waveform",
         source="Alastruey et al. 2011 (J Biomech 44:2250); range assumed",
@@ -179,6 +187,14 @@ CATALOGUE: tuple[Effect, ...] = (
         sentence="the wire's sensor lies higher (or lower) than the aorta",
         settled_by="the sensor's height on CT",
         source="0.77 mmHg/cm; FFR 0.72 supine, 0.81 prone",
+    ),
+    Effect(
+        id="sensor_gain", place="sensor", unit="-", sd=0.08,
+        change=lambda c, size: c._replace(distal_gain=c.distal_gain * (1.0 + size)),
+        equation="P_distal (1 + φ)",
+        sentence="the wire's sensor reads pressures too large (or too small) by a factor",
+        settled_by="an equalisation check at two levels of pressure",
+        source="assumed",
     ),
     Effect(
         id="aortic_zero_error", place="sensor", unit="mmHg", sd=4.0,

@@ -9,7 +9,7 @@ With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
 
     P_3 = ((P_2 − P_micro)/R_2 + iωC_im P_LV + P_venous/R_3)/(1/R_2 + iωC_im + 1/R_3)
     0   = (P_1 − P_2)/R_1 + G (P_inlet − P_2) − Y_a P_2 − (P_2 − P_micro − P_3)/R_2 + Q_wall
-    Q   = iωC0 P_1 + (P_1 − P_2)/R_1,            Y_a = iωC_a/(1 + iωτ_wall)
+    Q   = iωC0 P_1 + (P_1 − P_2)/R_1,            Y_a = iωC_a (e + (1 − e)/(1 + iωτ_wall))
     P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + K Q|Q|
 
 Without the last two terms the system is linear and solved harmonic by harmonic; with them the first
@@ -52,6 +52,10 @@ NEWTON_STEPS = 5
 AUTOREGULATION_SWEEPS = 12
 """Fixed-point sweeps for the mean pressure that microvessels sense."""
 
+ELASTIC_SHARE = 0.5
+"""Share e of C_a that yields at once in a viscous wall: muscular arteries are up to twice as stiff
+at the heart's frequency as in rest (Learoyd & Taylor 1966, Circ Res 18:278)."""
+
 P_REGULATED = 70.0
 """Mean pressure at which autoregulation changes nothing [mmHg]."""
 
@@ -74,11 +78,12 @@ class Circuit(NamedTuple):
         R0_wave: factor on R0 over the beat; ones at first.
         C0, C_a, C_im: compliances [mL/mmHg].
         R_1, R_2, R_3: resistances of the bed [mmHg·s/mL].
-        wall_time: Voigt time of C_a [s].
+        wall_time: relaxation time of the part of C_a that yields late [s].
         P_venous: pressure behind R_3 [mmHg].
         G_collateral: conductance from the aorta to the node behind R_1 [mL/(s·mmHg)].
         autoregulation: gain of ln R_2 by the mean pressure behind R_1 [-].
         aortic_offset, distal_offset: added by the sensors [mmHg].
+        distal_gain: factor of the distal sensor [-].
         aortic_lag, distal_delay: of the sensors [s].
         forced: harmonics of what is added at each place of `FORCED`; zero unless the place of a
             gap is sought.
@@ -107,6 +112,7 @@ class Circuit(NamedTuple):
     autoregulation: Number
     aortic_offset: Number
     distal_offset: Number
+    distal_gain: Number
     aortic_lag: Number
     distal_delay: Number
     forced: Complex[Array, "p f"]
@@ -195,7 +201,8 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     venous = _complex(circuit.P_venous * first)
 
     y_im = iw * _complex(circuit.C_im)
-    y_a = iw * _complex(circuit.C_a) * _inverse(1.0 + iw * _complex(circuit.wall_time))
+    yielding = (1.0 - ELASTIC_SHARE) * _inverse(1.0 + iw * _complex(circuit.wall_time))
+    y_a = iw * _complex(circuit.C_a) * (ELASTIC_SHARE + yielding)
     z_3 = _inverse(g_2 + y_im + g_3)
     source_3 = (y_im * ventricle + g_3 * venous - g_2 * micro) * z_3
     z_2 = _inverse(g_1 + g_across + y_a + g_2 * (1.0 - g_2 * z_3))
@@ -211,7 +218,7 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     P_1 = Z * Q + source_1
     turn = circuit.distal_delay * omega
     lagged = inlet * _inverse(1.0 + iw * _complex(circuit.aortic_lag))
-    delayed = P_1 * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
+    delayed = _complex(circuit.distal_gain) * P_1 * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
     return Beat(
         lagged + _complex(circuit.aortic_offset * first) + at_aorta,
         delayed + _complex(circuit.distal_offset * first) + at_distal,

@@ -1,7 +1,8 @@
 """Which effect: all hypotheses of a batch of records, their evidence, and the verdicts.
 
 1. The base model is fitted. 2. Every effect of the catalogue is refitted from there. 3. About the
-two best, one Jacobian scans all partners; the four best pairs are fitted. 4. A free forcing at
+two best, one Jacobian scans all partners; the four best pairs are fitted, the others take the
+evidence of the scan, but no more gain than the least of the fitted partners. 4. A free forcing at
 every place gives "unknown". 5. Evidence and priors give probabilities and a verdict.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.effects import Effect
+from diagnosis.effects import SCALE, Effect
 from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans, silent
 from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
 from diagnosis.measured import Measured, weights
@@ -38,6 +39,8 @@ class Diagnosis(NamedTuple):
         fits: every fitted hypothesis.
         log_B: ln evidence of every fitted hypothesis over that of no gap.
         scan: ln B of every effect by the score scan about the base optimum.
+        visibility: length of each effect's own trace in noise units per unit of its size; times a
+            size it is λ, how detectable that size is in this record.
         forcing: ln B of a free forcing, places × lengths × amplitudes.
         n_data: number of data.
     """
@@ -48,6 +51,7 @@ class Diagnosis(NamedTuple):
     fits: Mapping[Hypothesis, Fitted]
     log_B: Mapping[Hypothesis, float]
     scan: Mapping[str, float]
+    visibility: Mapping[str, float]
     forcing: Float[np.ndarray, "p l a"]
     n_data: int
 
@@ -99,13 +103,13 @@ def diagnose(
     single = _best_of_starts(batch, record, pairs, x[record], numbers, effects, tell)
     single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
 
-    scan_log_B, _ = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
+    scan_log_B, _, visible = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
     forced = run_forcings(batch, x)
-    found = _pairs(batch, single, single_log_B, numbers, effects, tell)
+    found, scanned = _pairs(batch, single, single_log_B, numbers, effects, tell)
     counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
     return [
-        _assembled(batch, effects, b, base, single, found.get(b, {}), scan_log_B[b], forced[b],
-                   int(counts[b]))
+        _assembled(batch, effects, b, base, single, found.get(b, {}), scanned.get(b, {}),
+                   scan_log_B[b], visible[b], forced[b], int(counts[b]))
         for b in range(B)
     ]  # fmt: skip
 
@@ -119,7 +123,7 @@ def _best_of_starts(
     effects: tuple[Effect, ...],
     tell: Tell,
 ) -> Fitted:
-    """Fits from size zero, some also from one prior sd; the better one is kept."""
+    """Fits from size zero, some also from the size expected; the better one is kept."""
     near = run_fits(
         batch, record, pairs, starts, numbers, effects, step="fitting every effect", tell=tell
     )
@@ -128,7 +132,7 @@ def _best_of_starts(
     if again.size == 0:
         return near
     moved = starts[again].copy()
-    moved[:, -2] = 1.0
+    moved[:, -2] = 1.0 / SCALE
     far = run_fits(
         batch, record[again], pairs[again], moved, numbers, effects,
         step="fitting from a second start", tell=tell,
@@ -155,21 +159,22 @@ def _pairs(
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     tell: Tell,
-) -> dict[int, dict[tuple[int, int], Fitted]]:
-    """Fits of the most promising pairs, by record."""
+) -> tuple[dict[int, dict[tuple[int, int], Fitted]], dict[int, dict[tuple[int, int], float]]]:
+    """Fits of the most promising pairs, and gains of all partners by the scan, by record."""
     E = len(effects)
     if E < 2:
-        return {}
+        return {}, {}
     worth = np.flatnonzero(log_B.max(axis=1) > WORTH_PAIRING)
     if worth.size == 0:
-        return {}
+        return {}, {}
     order = np.argsort(-log_B, axis=1)
     rows = np.concatenate([worth * E + order[worth, place] for place in (0, 1)])
     owner = np.concatenate([worth, worth])
-    partner_log_B, partner_size = run_scans(
+    partner_log_B, partner_size, _ = run_scans(
         batch, owner, np.asarray(single.x)[rows], np.asarray(single.sizes)[rows], numbers, effects
     )
     jobs: list[tuple[int, int, int]] = []
+    scanned: dict[int, dict[tuple[int, int], float]] = {}
     starts = []
     for place, count in enumerate(PARTNERS):
         for n, b in enumerate(worth):
@@ -178,6 +183,9 @@ def _pairs(
             ranked = [int(e) for e in np.argsort(-partner_log_B[at]) if e != first]
             taken = [{i, j} for owner_, i, j in jobs if owner_ == b]
             fresh = [e for e in ranked if {first, e} not in taken][:count]
+            scanned.setdefault(int(b), {}).update(
+                {(first, e): float(partner_log_B[at, e]) for e in range(E) if e != first}
+            )
             for e in fresh:
                 jobs.append((int(b), first, e))
                 start = np.asarray(single.x)[rows[at]].copy()
@@ -196,7 +204,7 @@ def _pairs(
     found: dict[int, dict[tuple[int, int], Fitted]] = {}
     for k, (b, i, j) in enumerate(jobs):
         found.setdefault(b, {})[(i, j)] = take(fitted, k)
-    return found
+    return found, scanned
 
 
 def _assembled(
@@ -206,7 +214,9 @@ def _assembled(
     base: Fitted,
     single: Fitted,
     pairs: Mapping[tuple[int, int], Fitted],
+    scanned: Mapping[tuple[int, int], float],
     scan_log_B: np.ndarray,
+    visible: np.ndarray,
     forced: np.ndarray,
     n_data: int,
 ) -> Diagnosis:
@@ -218,7 +228,7 @@ def _assembled(
         fits[(names[i], names[j])] = fitted
     log_Z = {h: float(f.log_evidence) for h, f in fits.items()}
     record = jax.tree.map(lambda leaf: leaf[b], batch)
-    probabilities = probabilities_of(log_Z, forced, E)
+    probabilities = probabilities_of({**_unfitted(log_Z, scanned, names), **log_Z}, forced, E)
     chi2 = {h: float(f.chi2) for h, f in fits.items() if bool(f.sound)}
     judgement = judge(probabilities, names, chi2, n_data, n_unknowns(record))
     none = log_Z[()]
@@ -229,6 +239,28 @@ def _assembled(
         fits=fits,
         log_B={h: value - none for h, value in log_Z.items()},
         scan=dict(zip(names, (float(v) for v in scan_log_B), strict=True)),
+        visibility={
+            n: float(v) / (SCALE * e.sd) for n, v, e in zip(names, visible, effects, strict=True)
+        },
         forcing=forced - none,
         n_data=n_data,
     )
+
+
+def _unfitted(
+    log_Z: Mapping[Hypothesis, float],
+    scanned: Mapping[tuple[int, int], float],
+    names: tuple[str, ...],
+) -> dict[Hypothesis, float]:
+    """Ln Z of pairs that were scanned and not fitted."""
+    gains: dict[str, list[float]] = {}
+    for pair in (h for h in log_Z if len(h) == 2):
+        gains.setdefault(pair[0], []).append(log_Z[pair] - log_Z[pair[:1]])
+    known = {frozenset(h) for h in log_Z}
+    found: dict[Hypothesis, float] = {}
+    for (i, j), gain in scanned.items():
+        pair = (names[i], names[j])
+        if frozenset(pair) not in known and np.isfinite(log_Z[pair[:1]]):
+            known.add(frozenset(pair))
+            found[pair] = log_Z[pair[:1]] + min([gain, *gains.get(names[i], [])])
+    return found

@@ -16,7 +16,12 @@ A new effect takes ten lines and no other change::
     )
     diagnose(records, effects=(*CATALOGUE, leak))
 
-The size has a normal prior of mean 0 and the given sd; a one-sided effect has its positive half.
+The prior of the size φ has no mass at zero, where an effect would be no cause of anything,
+
+    p(φ) = φ²/s² N(φ; 0, s²),    s = sd/√3,
+
+so that sd is its root mean square; a one-sided effect has its positive half (moment prior: Johnson
+& Rossell 2010, J R Stat Soc B 72:143). Fits use N(0, s²); evidences have the factor E[φ²]/s².
 """
 
 from collections.abc import Callable, Sequence
@@ -34,8 +39,11 @@ PLACES: tuple[Place, ...] = ("ostium", "wall", "microvasculature", "pump", "inle
 GUESSED_FORM = 0.15
 """Share of an effect's waveform that may differ where its equation is a guess."""
 
+SCALE = 3.0**-0.5
+"""Width s of the prior over its root mean square."""
+
 NEGATIVE_LIMIT = 0.1
-"""How far below zero a one-sided size may go in a fit, in prior standard deviations."""
+"""How far below zero a one-sided size may go in a fit, in units of the prior's width."""
 
 
 class Effect(NamedTuple):
@@ -45,7 +53,7 @@ class Effect(NamedTuple):
         id: its name in records and results.
         place: where it acts.
         unit: unit of its size.
-        sd: prior standard deviation of the size [unit].
+        sd: root mean square of the size a priori [unit].
         change: the circuit with this effect at a size; size 0 must change nothing.
         equation: what it adds, in one line.
         sentence: what it means, for people; begins in lower case.
@@ -87,15 +95,15 @@ def apply_effects(
     return circuit
 
 
-def size_of(effect_sd: Array, one_sided: Array, x: Array) -> Array:
-    """Size of an effect at a standardised variable x (normal prior of unit variance).
+def size_of(scale: Array, one_sided: Array, x: Array) -> Array:
+    """Size of an effect at a standardised variable x (the prior's width is one).
 
-    Below zero a one-sided size levels off smoothly at −`NEGATIVE_LIMIT` sd: fits may look there,
+    Below zero a one-sided size levels off smoothly at −`NEGATIVE_LIMIT`: fits may look there,
     the evidence then counts only the positive half of the posterior.
     """
     below = NEGATIVE_LIMIT * jnp.expm1(jnp.minimum(x, 0.0) / NEGATIVE_LIMIT)
     bounded = jnp.where(x < 0.0, below, x)
-    return effect_sd * jnp.where(one_sided, bounded, x)
+    return scale * jnp.where(one_sided, bounded, x)
 
 
 def find_effect(effects: Sequence[Effect], id: str) -> Effect:

@@ -56,8 +56,8 @@ def _scan_block(
     numbers: Catalogue,
     *,
     effects: tuple[Effect, ...],
-) -> tuple[Array, Array]:
-    def one(measured: Measured, x: Array, sizes: Array) -> tuple[Array, Array]:
+) -> tuple[Array, Array, Array]:
+    def one(measured: Measured, x: Array, sizes: Array) -> tuple[Array, Array, Array]:
         return score_scan(linearise(measured, effects, numbers, x, sizes), numbers)
 
     return jax.vmap(one)(records, x, sizes)
@@ -147,8 +147,8 @@ def run_scans(
     sizes: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Score scan about given optima: ln B of adding each effect, and its expected size."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Score scan about given optima: ln B of each effect, its expected size, its visibility."""
     scan = partial(_scan_block, numbers=numbers, effects=effects)
     return _in_blocks(scan, batch, np.asarray(record, int), (x, sizes), lambda count: None)
 

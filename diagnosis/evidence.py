@@ -55,6 +55,22 @@ class Posterior(NamedTuple):
     covariance: Float[Array, "k k"]
 
 
+def log_moment(
+    mean: Float[Array, " k"], variance: Float[Array, " k"], one_sided: Float[Array, " k"]
+) -> Float[Array, " k"]:
+    """Ln E[x²] of normal variables, of their positive half where one-sided.
+
+    With z = mean/sd, E[x² | x > 0] = mean² + sd² + mean sd φ(z)/Φ(z), and 2 sd²/z² far below zero.
+    """
+    sd = jnp.sqrt(variance)
+    z = mean / sd
+    near = jnp.maximum(z, -6.0)
+    hazard = jnp.exp(-0.5 * near**2 - 0.5 * jnp.log(2.0 * jnp.pi) - log_ndtr(near))
+    far = 2.0 * variance / jnp.minimum(z, -6.0) ** 2
+    half = jnp.where(z > -6.0, variance * jnp.maximum(near**2 + 1.0 + near * hazard, 1e-3), far)
+    return jnp.log(jnp.where(one_sided > 0.5, half, mean**2 + variance))
+
+
 def smooth_scale(length: float, n_harmonics: int) -> np.ndarray:
     """Standard deviations of the real coefficients of a smooth random waveform of unit variance.
 

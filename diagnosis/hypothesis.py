@@ -19,8 +19,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, Beat
 from diagnosis.descent import descend
-from diagnosis.effects import Effect, size_of
-from diagnosis.evidence import Whitened, posterior, smooth_scale
+from diagnosis.effects import SCALE, Effect, size_of
+from diagnosis.evidence import Whitened, log_moment, posterior, smooth_scale
 from diagnosis.measured import Measured, data_of, weights
 from diagnosis.prediction import (
     OWN,
@@ -65,7 +65,7 @@ class Catalogue(NamedTuple):
     """The numbers of a list of effects, as arrays.
 
     Attributes:
-        sd: prior standard deviation of each size.
+        sd: width s of each size's prior, see `effects`.
         one_sided: 1 where only positive sizes exist.
         tolerance: freedom of the form.
     """
@@ -88,9 +88,9 @@ class Linearised(NamedTuple):
 
 
 def numbers_of(effects: Sequence[Effect], prior_scale: float = 1.0) -> Catalogue:
-    """The numbers of effects; `prior_scale` multiplies every prior standard deviation."""
+    """The numbers of effects; `prior_scale` multiplies the width of every prior."""
     return Catalogue(
-        jnp.asarray(np.array([prior_scale * e.sd for e in effects])),
+        jnp.asarray(np.array([prior_scale * SCALE * e.sd for e in effects])),
         jnp.asarray(np.array([float(e.one_sided) for e in effects])),
         jnp.asarray(np.array([e.tolerance for e in effects])),
     )
@@ -132,25 +132,56 @@ def fit_hypothesis(
 
     slopes = _by_condition(whitened, W, cases, chooser)
 
-    x, value, J = descend(slopes, W * data, start)
+    x, value, _ = descend(slopes, W * data, start)
     residual = W * data - value
     own = chooser @ x
     seen = jax.vmap(beat)(cases, own)
-    without = jax.vmap(lambda case, own: beat(case, own.at[OWN:].set(0.0)))(cases, own)
-    change = Beat(*(a - b for a, b in zip(seen, without, strict=True)))
-    before = jax.vmap(lambda b: as_data(b, measured.n_sensors)[-4:])
-    F = _form_columns(
-        W, jnp.max(chosen @ numbers.tolerance), jax.vmap(as_waves)(change),
-        before(seen) - before(without), measured.n_sensors,
-    )  # fmt: skip
+    F = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
     sided = jnp.concatenate([jnp.zeros(k), chosen @ numbers.one_sided])
-    after = posterior(Whitened(residual + J @ x, J), F, sided)
+    # below zero a one-sided size has levelled off and lost its slope: the evidence looks from zero
+    inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
+    value, J = slopes(inside)
+    after = posterior(Whitened(W * data - value + J @ inside, J), F, sided)
     sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (chosen @ numbers.sd)
     chi2 = jnp.sum(residual**2)
     sound = jnp.isfinite(after.log_evidence) & jnp.isfinite(chi2)
     waves = jax.vmap(as_waves)(seen)
-    log_Z = jnp.where(sound, after.log_evidence, -jnp.inf)
+    moments = log_moment(after.mean[k:], after.covariance.diagonal()[k:], sided[k:])
+    log_Z = after.log_evidence + jnp.sum(jnp.where(pair >= 0, moments, 0.0))
+    log_Z = jnp.where(sound, log_Z, -jnp.inf)
     return Fitted(x, log_Z, chi2, residual, sizes_of(x[k:]), sd, waves, sound)
+
+
+def form_uncertainty(
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    *,
+    nonlinear: bool,
+) -> Float[Array, "c d m"]:
+    """Columns F of what the equations of a hypothesis may get wrong, see `evidence`.
+
+    Arguments are those of `fit_hypothesis`, and x its optimum.
+    """
+    chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
+    own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
+    cases, n = situations(measured), measured.n_sensors
+
+    def beat(case: Situation, own: Array) -> Beat:
+        sizes = size_of(numbers.sd, numbers.one_sided, own[OWN:] @ chosen)
+        return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear)
+
+    seen = jax.vmap(beat)(cases, own)
+    without = jax.vmap(lambda case, own: beat(case, own.at[OWN:].set(0.0)))(cases, own)
+    change = Beat(*(a - b for a, b in zip(seen, without, strict=True)))
+    scalars = jax.vmap(lambda b: as_data(b, n)[-4:])
+    tolerance = jnp.max(chosen @ numbers.tolerance)
+    return _form_columns(
+        weights(measured), tolerance, jax.vmap(as_waves)(change),
+        scalars(seen) - scalars(without), n,
+    )  # fmt: skip
 
 
 def _by_condition(
@@ -206,13 +237,13 @@ def linearise(
     return Linearised(linear, J[..., k:] * numbers.sd[None, None])
 
 
-def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array]:
-    """Ln B of adding each effect, and its expected standardised size, from one Jacobian.
+def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array, Array]:
+    """Ln B of adding each effect, its expected standardised size, and |g⊥|, from one Jacobian.
 
     With J̃ = [J; I], r̃ = [r; −x] and g the derivative by one standardised size,
 
         g⊥ = g − J̃ (J̃ᵀJ̃)⁻¹ J̃ᵀ g,   size = g⊥ᵀr̃/(1 + |g⊥|²),
-        ln B = ½ (g⊥ᵀr̃)²/(1 + |g⊥|²) − ½ ln(1 + |g⊥|²)   (+ ln 2Φ(size/sd) if one-sided).
+        ln B = ½ (g⊥ᵀr̃)²/(1 + |g⊥|²) − ½ ln(1 + |g⊥|²) + ln E[size²]  (+ ln 2Φ(size/sd)).
 
     Source: Lagrange-multiplier tests of structural equation models, Sörbom 1989 (Psychometrika
     54:371); here with Gaussian priors.
@@ -228,7 +259,9 @@ def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array]:
     size = along / (1.0 + length)
     log_B = 0.5 * along * size - 0.5 * jnp.log1p(length)
     half = jnp.log(2.0) + log_ndtr(size * jnp.sqrt(1.0 + length))
-    return log_B + numbers.one_sided * half, size
+    log_B = log_B + numbers.one_sided * half
+    log_B = log_B + log_moment(size, 1.0 / (1.0 + length), numbers.one_sided)
+    return log_B, size, jnp.sqrt(length)
 
 
 def _form_columns(

@@ -11,6 +11,7 @@ and a further sensor whose predictions differ by Δ_k with error σ_k gives ½ �
 data exist, the same scan at the priors' means says what a set of sensors could show at all.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -28,8 +29,8 @@ from diagnosis.prediction import n_unknowns
 ALIKE = 0.9
 """|cosine| from which two effects count as aliases."""
 
-TYPICAL = 0.7
-"""Size taken as typical, in prior standard deviations."""
+TYPICAL = 1.2
+"""Size taken as typical, in widths of the prior: 0.7 of its root mean square."""
 
 ISOLATED = 3.0
 """Expected ln B against none and every rival from which an effect can be told."""
@@ -44,7 +45,10 @@ READINGS: dict[str, tuple[str, tuple[tuple[str, float], ...]]] = {
     ),
     "right atrial or wedge pressure": ("±1.5 mmHg", (("back_pressure", 1.5),)),
     "occlusion pressure": ("±0.03", (("collateral_flow", 0.03),)),
-    "intravascular ultrasound over the beat": ("±0.15", (("dynamic_narrowing", 0.15),)),
+    "intravascular ultrasound over the beat, at rest and under stress": (
+        "±0.15", (("dynamic_narrowing", 0.15), ("stress_narrowing", 0.15)),
+    ),
+    "equalisation check at two levels of pressure": ("±1 %", (("sensor_gain", 0.01),)),
     "pressure drop computed at two flows": (
         "±0.5 mmHg s2/ml2, ±10 %", (("quadratic_loss", 0.5), ("proximal_resistance", 0.1)),
     ),
@@ -169,11 +173,9 @@ def _by_flow(diagnosis: Diagnosis, ranked: list[tuple[str, ...]]) -> list[Next]:
     return found
 
 
+@partial(jax.jit, static_argnames=("effects",))
 def _about_base(record: Measured, effects: tuple[Effect, ...], x: Float[Array, " k"]) -> Linearised:
-    zero = jnp.zeros(len(effects))
-    numbers = numbers_of(effects)
-    run = jax.jit(lambda record, x: linearise(record, effects, numbers, x, zero))
-    return run(record, x)
+    return linearise(record, effects, numbers_of(effects), x, jnp.zeros(len(effects)))
 
 
 def isolability(

@@ -155,6 +155,7 @@ def base_circuit(case: Situation, own: Float[Array, " 7"]) -> Circuit:
         autoregulation=zero,
         aortic_offset=zero,
         distal_offset=zero,
+        distal_gain=jnp.ones(()),
         aortic_lag=zero,
         distal_delay=zero,
         forced=jnp.zeros((len(FORCED), HARMONICS + 1), complex),

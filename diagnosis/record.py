@@ -77,6 +77,8 @@ class Record:
         id: its name.
         conditions: what was measured, in order of acquisition.
         pressure_sd: noise of the mean beat a sample [mmHg]; None to estimate it.
+        pressure_offset_sd: slow offset of each pressure trace [mmHg]; None for `OFFSET_SD_MMHG`, or
+            the scatter of the beats' means where that is larger.
         flow_relative_sd, ffr_sd: noise of flow (relative) and of ratios; None for the default.
         R0, R0_sd_log: what is known of the ostium's resistance [mmHg·s/mL] and of its logarithm.
     """
@@ -88,6 +90,7 @@ class Record:
     ffr_sd: float | None = None
     R0: float = R0_PRIOR
     R0_sd_log: float = R0_SD_LOG
+    pressure_offset_sd: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,8 +112,10 @@ class Noise:
 
 def noise_of(record: Record) -> Noise:
     """Noise of the pressures, stated, estimated from the scatter of beats, or assumed."""
+    stated = record.pressure_offset_sd
+    known = OFFSET_SD_MMHG if stated is None else stated
     if record.pressure_sd is not None:
-        return Noise(record.pressure_sd, WHITE_SHARE, OFFSET_SD_MMHG, "stated")
+        return Noise(record.pressure_sd, WHITE_SHARE, known, "stated")
     stacks = [
         beats
         for c in record.conditions
@@ -118,7 +123,7 @@ def noise_of(record: Record) -> Noise:
         if name != "Q" and beats.shape[0] >= FEWEST_BEATS
     ]
     if not stacks:
-        return Noise(PRESSURE_SD_MMHG, WHITE_SHARE, OFFSET_SD_MMHG, "assumed")
+        return Noise(PRESSURE_SD_MMHG, WHITE_SHARE, known, "assumed")
     own = [beats - beats.mean(axis=0) for beats in stacks]
     scatter = [d.mean(axis=1) for d in own]
     rest = [d - d.mean(axis=1, keepdims=True) for d in own]
@@ -126,12 +131,13 @@ def noise_of(record: Record) -> Noise:
     variance = sum(float((d**2).sum()) for d in rest) / freedom
     lagged = sum(float((d * np.roll(d, -1, axis=1)).sum()) for d in rest) / freedom
     step = max(round(SAMPLES / rest[0].shape[1]), 1)
-    known = correlation(NOISE_LENGTH)[0, step]
-    smooth = np.clip(lagged / (max(variance, 1e-12) * known), 0.0, 0.95)
+    alike = correlation(NOISE_LENGTH)[0, step]
+    smooth = np.clip(lagged / (max(variance, 1e-12) * alike), 0.0, 0.95)
     count = np.mean([d.shape[0] for d in rest])
     offset = np.sqrt(np.mean([m.var(ddof=1) / m.size for m in scatter]))
     sd = max(float(np.sqrt(variance / count)), 0.05)
-    return Noise(sd, float(1.0 - smooth), max(float(offset), OFFSET_SD_MMHG), "estimated")
+    slow = max(float(offset), known) if stated is None else stated
+    return Noise(sd, float(1.0 - smooth), slow, "estimated")
 
 
 def resampled(wave: np.ndarray) -> np.ndarray:

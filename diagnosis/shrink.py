@@ -4,6 +4,10 @@ Fitted: excess χ²/n − 1 before and after, 0 being the noise floor. Held out:
 pressure and error of the pressure ratio before and after, beside what noise alone would give:
 
     floor_rms² = sd² (w + (1 − w)) + offset²,    floor_ffr = offset √2 / mean P_aorta.
+
+What is predicted after the diagnosis is the mean over all hypotheses by their probabilities
+(Hoeting et al. 1999, Stat Sci 14:382), the base model standing for "unknown"; it is the base model
+alone where the verdict is "unknown": nothing known can be added then.
 """
 
 from typing import NamedTuple
@@ -11,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.hypothesis import Fitted
+from diagnosis.verdict import key_of
 
 
 class Shrink(NamedTuple):
@@ -19,7 +23,7 @@ class Shrink(NamedTuple):
 
     Attributes:
         before: with the base model.
-        after: with the most probable hypothesis.
+        after: with what the diagnosis says.
         noise_floor: from noise alone.
     """
 
@@ -42,8 +46,21 @@ class HeldOut(NamedTuple):
     ffr_error: Shrink | None
 
 
+def expected_waves(diagnosis: Diagnosis) -> np.ndarray:
+    """What the sensors should show after the diagnosis, conditions × 3 sensors × samples."""
+    base = np.asarray(diagnosis.base.waves)
+    if diagnosis.judgement.verdict == "unknown":
+        return base
+    change = np.zeros_like(base)
+    for hypothesis, fitted in diagnosis.fits.items():
+        p = diagnosis.judgement.probabilities[key_of(hypothesis)]
+        if hypothesis and p > 1e-6 and fitted.sound:
+            change += p * (np.asarray(fitted.waves) - base)
+    return base + change
+
+
 def fitted_gap(diagnosis: Diagnosis) -> Shrink:
-    """Excess misfit of the fitted data before and after."""
+    """Excess misfit of the fitted data, of the base model and of the most probable hypothesis."""
     n = diagnosis.n_data
     before, after = (float(f.chi2) / n - 1.0 for f in (diagnosis.base, diagnosis.best))
     return Shrink(max(before, 0.0), max(after, 0.0), 0.0)
@@ -52,6 +69,7 @@ def fitted_gap(diagnosis: Diagnosis) -> Shrink:
 def held_out_gap(diagnosis: Diagnosis) -> list[HeldOut]:
     """The final check: what was held out is looked at here for the first time."""
     record = diagnosis.record
+    before, after = np.asarray(diagnosis.base.waves), expected_waves(diagnosis)
     found = []
     for c in np.flatnonzero(np.asarray(record.held_out) > 0.0):
         c = int(c)
@@ -61,20 +79,19 @@ def held_out_gap(diagnosis: Diagnosis) -> list[HeldOut]:
             trace, sd = np.asarray(record.waves[c, 1]), float(record.wave_sd[c, 1])
             offset = float(record.wave_offset_sd[c, 1])
 
-            def error(fitted: Fitted, trace: np.ndarray = trace, c: int = c) -> float:
-                return float(np.sqrt(np.mean((np.asarray(fitted.waves)[c, 1] - trace) ** 2)))
+            def error(waves: np.ndarray, trace: np.ndarray = trace, c: int = c) -> float:
+                return float(np.sqrt(np.mean((waves[c, 1] - trace) ** 2)))
 
-            rms = Shrink(error(diagnosis.base), error(diagnosis.best), float(np.hypot(sd, offset)))
+            rms = Shrink(error(before), error(after), float(np.hypot(sd, offset)))
         measured = _ratio(diagnosis, c)
         if measured is not None:
 
-            def off(fitted: Fitted, measured: float = measured, c: int = c) -> float:
-                means = np.asarray(fitted.waves)[c].mean(axis=-1)
+            def off(waves: np.ndarray, measured: float = measured, c: int = c) -> float:
+                means = waves[c].mean(axis=-1)
                 return float(abs(means[1] / means[0] - measured))
 
-            level = float(np.asarray(diagnosis.base.waves)[c, 0].mean())
-            floor = offset * np.sqrt(2.0) / level
-            ratio = Shrink(off(diagnosis.base), off(diagnosis.best), float(floor))
+            floor = offset * np.sqrt(2.0) / float(before[c, 0].mean())
+            ratio = Shrink(off(before), off(after), float(floor))
         found.append(HeldOut(c, rms, ratio))
     return found
 

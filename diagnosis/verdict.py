@@ -11,7 +11,8 @@ effect is that of it alone plus that of its pairs.
 | unknown | P(unknown) ≥ 0.5, or an effect would be named but does not close the gap |
 | ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
 
-Closed: the remaining misfit has p > 0.01, or less than 10 % of the base model's excess is left.
+Closed: the remaining misfit has p > 0.001, or less than 10 % of the base model's excess is left.
+(The noise is never known exactly: 5 % of its variance is a quarter of what p = 0.001 allows.)
 """
 
 from collections.abc import Mapping
@@ -27,7 +28,7 @@ PRIOR = {"none": 0.25, "single": 0.50, "pair": 0.10, "unknown": 0.15}
 NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
 """Thresholds of the verdict, see above."""
 
-CLOSED_P, CLOSED_EXCESS = 0.01, 0.10
+CLOSED_P, CLOSED_EXCESS = 0.001, 0.10
 """Closure: p-value of the misfit, or share of the base excess that may be left."""
 
 Verdict = Literal["no_gap", "named", "ambiguous", "unknown"]

@@ -5,7 +5,8 @@ units of the noise, excess (χ²_b − n_b)/n_b and z = (χ²_b − n_b)/√(2 n
 after a calibration at rest alone. The global p-value is the chance that pure noise, fitted in the
 same way, has a block with so large a z. A joint fit moves misfit: this is not where the cause acts.
 
-*Where in the model a cause may act.* The evidence of a free forcing at each place, see `forcing`.
+*Where in the model a cause may act.* The probability of all hypotheses that act at a place; what is
+not in the catalogue counts where a free forcing at that place explains the gap, see `forcing`.
 
 Phases are read by the mean and the slope of the residual within each window (n_b = 2).
 """
@@ -21,6 +22,7 @@ from scipy.special import logsumexp
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.circuit import FORCED, FROM_SAMPLES, HARMONICS, PHASE, TO_SAMPLES
 from diagnosis.diagnose import Diagnosis
+from diagnosis.effects import PLACES
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import Fitted, linearise, numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights
@@ -61,7 +63,10 @@ class Block(NamedTuple):
 
 
 class Map(NamedTuple):
-    """Blocks, largest z first, with the p-value of the largest."""
+    """Blocks, largest z first, with the p-value of the largest.
+
+    The p-value is never below 1/(`DRAWS` + 1): there it is an upper bound.
+    """
 
     blocks: tuple[Block, ...]
     p_value: float
@@ -181,9 +186,32 @@ def rest_map(record: Measured) -> Map | None:
     return misfit_map(record, W * (np.asarray(data_of(record)) - shown))
 
 
-def place_shares(diagnosis: Diagnosis) -> dict[str, float]:
-    """Share of the forcing's evidence at each place; they sum to one."""
+def forcing_shares(diagnosis: Diagnosis) -> dict[str, float]:
+    """Share of the free forcing's evidence at each of its places; they sum to one."""
     flat = diagnosis.forcing.reshape(len(FORCED), -1)
     logs = logsumexp(flat, axis=1) - np.log(flat.shape[1])
     shares = np.exp(logs - logsumexp(logs))
     return dict(zip(FORCED, (float(v) for v in shares), strict=True))
+
+
+def place_probabilities(diagnosis: Diagnosis) -> dict[str, float]:
+    """Probability that a cause acts at each place, and "none"; pairs count half at either place.
+
+        p(place) = Σ_h p(h) (share of h's effects that act there) + p(unknown) forcing share
+
+    The forcing alone would mislead where an effect's trace can be had at two places: inertance of
+    the ostium looks like a free flow into the wall.
+    """
+    places = {effect.id: effect.place for effect in diagnosis.effects}
+    found: dict[str, float] = dict.fromkeys(("none", *PLACES), 0.0)
+    for name, p in diagnosis.judgement.probabilities.items():
+        if name == "none":
+            found["none"] += p
+        elif name == "unknown":
+            for place, share in forcing_shares(diagnosis).items():
+                found[place.split()[-1]] += p * share
+        else:
+            parts = name.split("+")
+            for part in parts:
+                found[places[part]] += p / len(parts)
+    return found

@@ -4,6 +4,7 @@
 2. α of the linear and of the quadratic surrogate at the measured resting ratio.
 3. 3D at rest with each, then with α corrected until the ratio in 3D is the measured one.
 4. 3D under every stress condition and rule; with the nominal outlet too, where asked for.
+5. Where asked for, what moves the ratios of the calibrated runs (`study.fsi_sensitivity`).
 
 Every step is a stage that is kept (`study.stages`): the same call goes on where it was ended.
 
@@ -31,6 +32,7 @@ from study.case import Case, SurrogateParameters, require
 from study.case_anatomy import MeshAnatomy
 from study.faults import CaseError, Fault
 from study.fsi_bench import Bench, RunChoice, RunName, fsi_run, run_key
+from study.fsi_sensitivity import Sensitivity, run_sensitivity
 from study.lumen_motion import lumen_motion
 from study.mesh_cache import mesh_key
 from study.mesh_case import mesh_state, planned_steps
@@ -60,6 +62,7 @@ class StudyChoice:
         rules: stress rules to run; None: that of the case.
         nominal: also run every condition with α = 1.
         paper: also run rest with the α of the linear surrogate.
+        sensitivities: conditions whose calibrated run is differentiated.
     """
 
     run: RunChoice = dataclasses.field(default_factory=RunChoice)
@@ -67,6 +70,7 @@ class StudyChoice:
     rules: tuple[str, ...] | None = None
     nominal: bool = False
     paper: bool = True
+    sensitivities: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,6 +87,8 @@ class StudyResult:
         loop: the calibration in 3D.
         runs: the 3D runs, as documents hold them: those at rest first, in order.
         motion: lumen and wall over a cycle, by name of the run.
+        sensitivities: what moves the ratio of a run, by name of the run.
+        failures: why a run has none, by the same.
     """
 
     bench: Bench
@@ -94,6 +100,8 @@ class StudyResult:
     loop: LoopFit
     runs: list[dict[str, Any]]
     motion: dict[str, dict[str, Any]]
+    sensitivities: dict[str, Sensitivity] = dataclasses.field(default_factory=dict)
+    failures: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
 def check_study(case: Case, choice: StudyChoice) -> None:
@@ -115,6 +123,16 @@ def check_study(case: Case, choice: StudyChoice) -> None:
             problem = f"there is no stress rule {rule!r}"
             cure = "add the factors below [stress]" if rule == "factors" else "choose a known one"
             faults.append(Fault(case.path, "stress.rule", None, problem, ", ".join(known), cure))
+    for name in choice.sensitivities:
+        if name not in case.conditions:
+            problem = f"there is no condition {name!r} to differentiate"
+            allowed = ", ".join(case.conditions)
+            faults.append(
+                Fault(case.path, "condition", None, problem, allowed, "choose from those run")
+            )
+    if choice.sensitivities and choice.run.continued:
+        problem = "a run that goes on from rest cannot be differentiated alone"
+        faults.append(Fault(case.path, "", None, problem, "", "leave --continued out"))
     if faults:
         raise CaseError(faults)
 
@@ -158,7 +176,10 @@ def run_study(
     runs += _stressed(bench, choice, loop, runs)
     progress.step("measuring the lumen")
     motion = {} if anatomy is None else _motion(bench, anatomy, _shown(runs, loop))
-    return StudyResult(bench, anatomy, choice, record, fit, reduced, loop, runs, motion)
+    found, failures = _sensitivities(bench, choice, runs, loop)
+    return StudyResult(
+        bench, anatomy, choice, record, fit, reduced, loop, runs, motion, found, failures
+    )
 
 
 def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
@@ -180,6 +201,8 @@ def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
         plan[_step(NOMINAL, "rest", None)] = seconds("rest")
     for label, condition, rule in _stress_names(case, choice):
         plan[_step(label, condition, rule)] = seconds(condition)
+    for condition in choice.sensitivities:
+        plan[f"derivatives: {condition}"] = 2.0 * _COMPILE + 8.0 * seconds(condition)
     return {**plan, "measuring the lumen": 10.0, "drawing": 40.0, "writing the report": 3.0}
 
 
@@ -273,6 +296,28 @@ def _shown(runs: Sequence[dict[str, Any]], loop: LoopFit) -> list[dict[str, Any]
     return rest + [r for r in runs if r["condition"] != "rest" and r["label"] == LOOP]
 
 
+def _sensitivities(
+    bench: Bench, choice: StudyChoice, runs: Sequence[dict[str, Any]], loop: LoopFit
+) -> tuple[dict[str, Sensitivity], dict[str, str]]:
+    """Derivatives of the calibrated runs that were asked for; why a run has none."""
+    found, failures = {}, {}
+    for part in _shown(runs, loop):
+        if part["condition"] not in choice.sensitivities:
+            continue
+        bench.progress.step(f"derivatives: {part['condition']}")
+        name = name_of(part)
+        try:
+            found[name.folder] = run_sensitivity(bench, name)
+        except RuntimeError as error:
+            failures[name.folder] = str(error)
+    return found, failures
+
+
+def name_of(part: Mapping[str, Any]) -> RunName:
+    """The name of a run as the document holds it."""
+    return RunName(part["label"], part["condition"], part["rule"], part["alpha"])
+
+
 def shown_runs(result: StudyResult) -> list[dict[str, Any]]:
     """Runs whose fields are looked at: the calibrated ones, rest first."""
     return _shown(result.runs, result.loop)
@@ -285,7 +330,7 @@ def _motion(
     stages, found = Stages(bench.folder / "stages"), {}
     for part in runs:
         folder = bench.folder / part["folder"] / FIELD_FOLDER
-        name = RunName(part["label"], part["condition"], part["rule"], part["alpha"])
+        name = name_of(part)
         key = stage_key("motion", run_key(bench, name), len(read_series(folder / "fields.pvd")))
 
         def compute(folder=folder, period=part["period_s"]) -> Any:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from lumped import MMHG
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
 from study.figures import NAMES, THRESHOLD
+from study.sensitivity_figures import sensitivity_figure
 
 Document = Mapping[str, Any]
 
@@ -26,6 +27,7 @@ def study_figures(document: Document) -> dict[str, str]:
         "motion": motion(document),
         "deformation": deformation(document),
         "sensitivities": sensitivities(document),
+        "fsi_sensitivities": sensitivity_figure(document),
     }
     return {name: text for name, text in drawn.items() if text}
 

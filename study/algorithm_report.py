@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.lumen_shape import lumen_surface
 from jaxfsi.fields import read_series
 from study.algorithm import LOOP, StudyResult, shown_runs
 from study.algorithm_figures import study_figures
@@ -14,7 +15,13 @@ from study.output import write_tree
 from study.progress import Progress
 from study.report import rendered, safe
 from study.results import STUDY_FILE, STUDY_PAGE, to_json
-from study.simulation_pictures import PICTURES, Inlet, draw_film, draw_simulation
+from study.simulation_pictures import (
+    PICTURES,
+    Inlet,
+    draw_film,
+    draw_lumen,
+    draw_simulation,
+)
 from study.simulation_results import SERIES_FILE, Drawn, embedded_pictures
 
 PICTURE_FOLDER, FILM_SUFFIX = "study-pictures", "film.gif"
@@ -117,6 +124,10 @@ def _drawn(result: StudyResult) -> tuple[dict[str, Drawn], dict[str, bytes]]:
             continue
         scene = (series, bench.mesh, result.anatomy, inlet, run["period_s"])
         drawn[name] = Drawn(*draw_simulation(*scene))
+        if name in result.sensitivities:
+            values = result.sensitivities[name].lumen * 1e-3  # per mm³
+            surface = lumen_surface(bench.mesh)
+            drawn[name].pictures.update(draw_lumen(bench.mesh, result.anatomy, surface, values))
         if run in moving and drawn[name].pictures:
             film = draw_film(*scene)
             if film is not None:

@@ -10,6 +10,8 @@ from study.patient import LINEAR, QUADRATIC
 from study.pipeline import CALIBRATED, FIXED
 from study.ramp_run import ramp_part
 from study.results import FORMAT
+from study.sensitivity_part import sensitivity_parts
+from study.simulation_case import OUTLET
 from study.simulation_results import Drawn
 
 Document = dict[str, Any]
@@ -20,6 +22,8 @@ ORIGINS = {
     NOMINAL: "nominal outlet (alpha = 1)",
 }
 """Where the scale factor of a run comes from, in words."""
+
+_LARGE_OFFSET_MMHG = 4.0
 
 PERIODIC_MMHG = 1.0
 """Drift of the coronary bed in a run that counts as periodic."""
@@ -64,6 +68,7 @@ def study_document(
         "motion": result.motion,
         "measured_states": measured_states(case),
         "sensitivities": list(_sensitivities(result)),
+        "fsi_sensitivities": _fsi_sensitivities(result),
         "mesh": {
             "nodes": len(result.bench.mesh.points),
             "tets": len(result.bench.mesh.tets),
@@ -183,6 +188,17 @@ def _sensitivities(result: StudyResult) -> Iterator[Document]:
             }
 
 
+def _fsi_sensitivities(result: StudyResult) -> list[Document]:
+    """Of the ratios in 3D, where they were asked for."""
+    runs = {run["folder"].split("/")[-1]: run for run in result.runs}
+    at = {name: (runs[name]["condition"], runs[name]["rule"]) for name in result.sensitivities}
+    if not at:
+        return []
+    found = {at[name]: part for name, part in result.sensitivities.items()}
+    names = {place: name for name, place in at.items()}
+    return list(sensitivity_parts(found, names, result.bench.mesh, result.anatomy))
+
+
 def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
     ramp = ramp_part(result.record, result.fit, result.choice.ramp)
     ratio = ramp["tangent_40_mmHg"] / ramp["secants_by_drop_mmHg"]["8"]["secant"]
@@ -219,8 +235,27 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
                 f"{run['folder']}: {run['repeated']} steps failed and were repeated with smaller"
                 " ones",
             )
+        yield from _aortic_flow(run)
+    for name, reason in result.failures.items():
+        yield "warning", f"{name} could not be differentiated: {reason}"
     for law, reason in result.reduced.failures.items():
         yield "warning", f"the {law} surrogate could not be calibrated: {reason}"
+
+
+def _aortic_flow(run: Document) -> Iterator[tuple[str, str]]:
+    """Flow in the aorta that no heart makes, where its velocity head shows."""
+    cycle = run["cycles"][-1]
+    offset, flow = cycle.get("site_offset_mmHg", 0.0), cycle["ports"].get(OUTLET)
+    if flow is None or abs(offset) < _LARGE_OFFSET_MMHG:
+        return
+    low, high = (flow[f"{key}_Q_ml_per_min"] / 1000.0 for key in ("least", "largest"))
+    yield (
+        "warning",
+        f"{run['folder']}: the flow in the aorta, {low:.0f} to {high:.0f} l/min, is not to be read:"
+        " it is what the Windkessel takes under the given pressure. Its velocity head makes the"
+        f" mean pressure at the ostium differ by {offset:.1f} mmHg from that at the inlet; try"
+        ' characteristic = "impedance" below [windkessel]',
+    )
 
 
 def _miss(result: StudyResult) -> float:

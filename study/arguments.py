@@ -102,6 +102,7 @@ examples:
   jaxfsi study case.toml --preset coarse             everything, one cycle each
   jaxfsi study case.toml --cycles 4 --continued      four cycles at rest, then four under stress
   jaxfsi study case.toml --rules printed,all --nominal
+  jaxfsi study case.toml --sensitivities dobutamine  and which piece of the lumen moves FFR
   jaxfsi study --demo --quick --out results          the bundled patient in about five minutes
 
 needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,
@@ -129,6 +130,7 @@ cohort.html, cohort.json and a folder with the report of each case.
 examples:
   jaxfsi diagnose record                       a folder with record.toml
   jaxfsi diagnose record --case case.toml      R0 from the patient's case
+  jaxfsi diagnose record --case case-results   R0 from the ramp of a finished study
   jaxfsi diagnose record --richness means      use no more than means of the record
 
 writes diagnosis.json and diagnosis.html. Conditions with held_out = true are predicted and only
@@ -210,7 +212,10 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     for name in _ON_RECORDS:
         parsers[name].add_argument("record", type=pathlib.Path, metavar="RECORD", help="its folder")
         parsers[name].add_argument(
-            "--case", type=pathlib.Path, metavar="CASE", help="case file that R0 is taken from"
+            "--case",
+            type=pathlib.Path,
+            metavar="CASE",
+            help="case file or finished study that R0 is taken from",
         )
     parsers["diagnose"].add_argument(
         "--richness", choices=RICHNESS, help="use no more of the record; default: all"
@@ -290,6 +295,13 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
         "--conditions", type=_names, metavar="NAMES", help="under stress; default: all of the case"
     )
     command.add_argument("--nominal", action="store_true", help="also run with alpha = 1")
+    command.add_argument(
+        "--sensitivities",
+        type=_names,
+        metavar="NAMES",
+        help="conditions whose ratio in 3D is differentiated by parameters and lumen, such as "
+        "dobutamine; with rest among them, also with alpha tuned again; five to ten runs each",
+    )
     command.add_argument(
         "--paper",
         action=argparse.BooleanOptionalAction,

@@ -140,6 +140,18 @@ class StressParameters:
 
 
 @dataclasses.dataclass(frozen=True)
+class WindkesselParameters:
+    """The Windkessel behind the aorta of a 3D run.
+
+    Attributes:
+        characteristic: its resistance in series: the 10 dyn·s/cm⁵ of the paper, or the
+            characteristic `impedance` of the aorta at its outlet.
+    """
+
+    characteristic: Literal["paper", "impedance"] = "paper"
+
+
+@dataclasses.dataclass(frozen=True)
 class SolverOptions:
     """Numerical choices; None where the command's own choice is meant.
 
@@ -199,6 +211,7 @@ class Case:
         source: where the values of each table come from, by table (`condition.rest`).
         blood: the blood.
         stress: how the outlet changes under stress.
+        windkessel: behind the aorta.
         mesh: how the anatomy is meshed.
         notes: remarks, by table.
     """
@@ -214,6 +227,7 @@ class Case:
     source: dict[str, str]
     blood: BloodParameters = BloodParameters()
     stress: StressParameters = StressParameters()
+    windkessel: WindkesselParameters = WindkesselParameters()
     mesh: MeshOptions = MeshOptions()
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
 
@@ -257,6 +271,7 @@ def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[
         source=texts["source"],
         blood=BloodParameters(mu=blood["viscosity"], rho_f=blood["density"]),
         stress=StressParameters(**values["stress"]),
+        windkessel=WindkesselParameters(**values["windkessel"]),
         mesh=MeshOptions(**_whole(values["mesh"], "elements_across", "wall_layers")),
         notes=texts["notes"],
     )

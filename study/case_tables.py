@@ -85,6 +85,7 @@ STRESS = (Word("rule", ("printed", "all"), default="printed"),)
 STRESS_FACTORS = tuple(
     Quantity(name, "number", "", 0.01, 100.0, 1.0) for name in ("R_1", "R_2", "R_3", "C_a", "C_im")
 )
+WINDKESSEL = (Word("characteristic", ("paper", "impedance"), default="paper"),)
 SOLVER = (
     Quantity("dt", "time", "s", 1.0e-7, 0.1),
     Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),
@@ -108,6 +109,7 @@ _PLAIN: dict[str, tuple[Key, ...]] = {
     "blood": BLOOD,
     "coronary": CORONARY,
     "surrogate": SURROGATE,
+    "windkessel": WINDKESSEL,
     "mesh": MESH,
     "solver": SOLVER,
 }

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Sequence
 
 from diagnosis import Record
-from study.algorithm import run_study
+from study.algorithm import check_study, run_study
 from study.algorithm_report import write_study
 from study.anatomy_source import case_anatomy, states_of
 from study.arguments import parse
@@ -31,6 +31,7 @@ from study.diagnosis_results import (
 )
 from study.diagnosis_run import diagnose_record, plan_record, record_origin, with_case
 from study.faults import CaseError, Fault
+from study.folder_lock import at_work
 from study.mesh_case import (
     chosen_states,
     coarse,
@@ -241,7 +242,8 @@ def _study(options: argparse.Namespace) -> None:
     case, folder = _open(options)
     case = study_case(case, options)
     choice = study_choice(case, options)
-    with Progress() as progress:
+    check_study(case, choice)
+    with at_work(folder), Progress() as progress:
         result = run_study(case, folder, choice, progress=progress)
         document, written = write_study(result, provenance(case, options.command_line), progress)
     _show(options, document, written)
@@ -308,7 +310,7 @@ def _open_record(
     """The record, what it lacks, and the checked folder for results; computing may begin."""
     record, remarks = read_record(options.record, needs_data=needs_data)
     if options.case is not None:
-        record, more = with_case(record, read_case(options.case))
+        record, more = with_case(record, options.case)
         remarks = (*remarks, more)
     place = record_path(options.record).resolve().parent
     folder = place.parent / f"{place.name}-results" if options.out is None else options.out

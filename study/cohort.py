@@ -1,8 +1,9 @@
 """Many cases side by side: each in a process of its own, and what became of them.
 
 A case is a child process that runs `jaxfsi study` (mode `3d`) or `jaxfsi run` (mode `curve`) into a
-folder of its own, on one core. Their results are kept there: the same call goes on with those that
-are not finished. A case that fails says why and does not stop the others.
+folder of its own, on one core; it ends with the process that started it. Their results are kept
+there: the same call goes on with those that are not finished. A case that fails says why and does
+not stop the others.
 """
 
 import contextlib
@@ -31,7 +32,12 @@ CORE = "JAXFSI_CORE"
 """Environment variable that tells a child on which core to run."""
 
 _PROGRAM = f"""
-import os, sys
+import os, signal, sys, threading
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
+def leave():
+    os.read(0, 1)  # ends with the process that started this one
+    os._exit(130)
+threading.Thread(target=leave, daemon=True).start()
 core = os.environ.get("{CORE}", "")
 if core and hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {{int(core)}})
@@ -151,6 +157,7 @@ def run_cohort(
                 if process.poll() is None:
                     continue
                 del running[name]
+                _let_go(process)
                 done += 1
                 fates[name] = _ended(member, mode, extra, process.returncode, start)
             if tell is not None:
@@ -168,6 +175,8 @@ def run_cohort(
                 process.wait(30.0)
             if process.poll() is None:
                 process.kill()
+                process.wait()
+            _let_go(process)
         raise
     return [fates[member.name] for member in members]
 
@@ -196,10 +205,16 @@ def _started(
             [sys.executable, "-c", _PROGRAM, *arguments],
             stdout=log,
             stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             env={**os.environ, **alone},
             start_new_session=True,
         )
+
+
+def _let_go(process: subprocess.Popen[bytes]) -> None:
+    """Close what is held of a process that has ended."""
+    if process.stdin is not None:
+        process.stdin.close()
 
 
 def _result_file(member: Member, mode: Mode) -> pathlib.Path:

@@ -12,6 +12,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from study.cohort_results import FIXED_0D
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
 from study.pipeline import CALIBRATED, FIXED
 from study.report import signed
@@ -19,7 +20,11 @@ from study.report import signed
 Document = Mapping[str, Any]
 
 _COLOUR = {"left": COLOURS[0], "right": RED, None: INK}
-_WORDS = {FIXED: "fixed outlet", CALIBRATED: "calibrated outlet"}
+_WORDS = {
+    FIXED: "fixed outlet",
+    FIXED_0D: "fixed outlet, 0D",
+    CALIBRATED: "calibrated outlet",
+}
 
 
 def cohort_figures(document: Document) -> dict[str, str]:
@@ -35,11 +40,13 @@ def cohort_figures(document: Document) -> dict[str, str]:
 
 def agreement_figure(document: Document, condition: str, rule: str | None) -> str:
     """Parity above, Bland-Altman below; fixed outlet left, calibrated right."""
-    boundaries = [
-        b
-        for b in (FIXED, CALIBRATED)
-        if any(_is(g, condition, rule, b) for g in document["groups"])
-    ]
+    known = {
+        g["boundary"]: g["n"]
+        for g in document["groups"]
+        if (g["condition"], g["rule"]) == (condition, rule)
+    }
+    whole = known.get(FIXED, 0) >= known.get(FIXED_0D, 0)
+    boundaries = [b for b in (FIXED if whole else FIXED_0D, CALIBRATED) if b in known]
     every = [p for p in document["pairs"] if (p["condition"], p["rule"]) == (condition, rule)]
     values = [p["predicted"] for p in every] + [p["measured"] for p in every]
     low, high = min(values) - 0.03, max(max(values) + 0.02, 1.0)

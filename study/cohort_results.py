@@ -4,7 +4,11 @@
 |---|---|
 | fixed | nominal outlet, α = 1 for everybody |
 | calibrated | α tuned to the measured resting ratio; in mode `3d` with the 3D model in the loop |
+| fixed, 0D | in mode `3d`: nominal outlet behind the curve of the ramp in 0D |
 | linear, curve | at rest in mode `3d`: the ratio in 3D with the α of either surrogate alone |
+
+What calibration changes is told of the patients that have both boundaries: from `fixed` in 3D where
+such runs were made (`--nominal`), and from `fixed, 0D`.
 """
 
 import math
@@ -22,6 +26,8 @@ from study.pipeline import CALIBRATED, FIXED
 from study.results import FORMAT, ratio_name
 
 Document = dict[str, Any]
+
+FIXED_0D = "fixed, 0D"
 
 ORDER = ("rest", "adenosine", "dobutamine")
 """Conditions in the order of the paper's figures; others follow."""
@@ -66,7 +72,7 @@ def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Document) -> 
         "patients": [_patient(fate, mode) for fate in fates],
         "pairs": [pair._asdict() for pair in pairs],
         "groups": groups,
-        "changes": list(_changes(groups)),
+        "changes": list(_changes(pairs)),
         "provenance": provenance,
     }
 
@@ -123,6 +129,7 @@ def _of_study(document: Document) -> Iterator[_Value]:
     for row in document["rows"]:
         yield row["condition"], row["rule"], CALIBRATED, row["fsi"]
         yield row["condition"], row["rule"], FIXED, row["fsi_nominal"]
+        yield row["condition"], row["rule"], FIXED_0D, row["curve_0d_nominal"]
     names = {PAPER: "linear", CURVE: "curve"}
     for entry in document["calibrations"]:
         if entry["label"] in names:
@@ -142,8 +149,7 @@ def _groups(pairs: Sequence[Pair]) -> Iterator[Document]:
 
     def place(setting: tuple[str, str | None, str]) -> tuple[Any, ...]:
         condition, rule, boundary = setting
-        at = ORDER.index(condition) if condition in ORDER else len(ORDER)
-        return at, condition, rule or "", boundary != FIXED, boundary
+        return *_place((condition, rule)), boundary != FIXED, boundary
 
     for condition, rule, boundary in sorted(settings, key=place):
         mine = [
@@ -166,25 +172,39 @@ def _numbers(found: Agreement) -> Document:
     }
 
 
-def _changes(groups: Sequence[Document]) -> Iterator[Document]:
-    """RMSE, bias and spread from the fixed to the calibrated boundary."""
-    by = {(g["condition"], g["rule"], g["boundary"]): g for g in groups}
-    for (condition, rule, boundary), fixed in by.items():
-        tuned = by.get((condition, rule, CALIBRATED))
-        if boundary != FIXED or tuned is None:
-            continue
-        relative = None
-        if fixed["rmse"] > 0.0:
-            relative = tuned["rmse"] / fixed["rmse"] - 1.0
-        yield {
-            "condition": condition,
-            "rule": rule,
-            "n": tuned["n"],
-            "rmse_fixed": fixed["rmse"],
-            "rmse_calibrated": tuned["rmse"],
-            "rmse_change": relative,
-            "bias_fixed": fixed["bias"],
-            "bias_calibrated": tuned["bias"],
-            "sd_fixed": fixed["sd"],
-            "sd_calibrated": tuned["sd"],
-        }
+def _changes(pairs: Sequence[Pair]) -> Iterator[Document]:
+    """RMSE, bias and spread from a fixed to the calibrated boundary, over patients with both."""
+    by: dict[tuple[str, str | None, str], dict[str, Pair]] = {}
+    for p in pairs:
+        by.setdefault((p.condition, p.rule, p.boundary), {})[p.patient] = p
+    for condition, rule in sorted({(p.condition, p.rule) for p in pairs}, key=_place):
+        tuned = by.get((condition, rule, CALIBRATED), {})
+        for boundary in (FIXED, FIXED_0D):
+            fixed = by.get((condition, rule, boundary), {})
+            both = [name for name in fixed if name in tuned]
+            if not both:
+                continue
+            before, after = (
+                agreement([part[n].predicted for n in both], [part[n].measured for n in both])
+                for part in (fixed, tuned)
+            )
+            yield {
+                "condition": condition,
+                "rule": rule,
+                "boundary": boundary,
+                "n": len(both),
+                "rmse_fixed": before.rmse,
+                "rmse_calibrated": after.rmse,
+                "rmse_change": after.rmse / before.rmse - 1.0 if before.rmse > 0.0 else None,
+                "bias_fixed": before.bias,
+                "bias_calibrated": after.bias,
+                "sd_fixed": _numbers(before)["sd"],
+                "sd_calibrated": _numbers(after)["sd"],
+            }
+
+
+def _place(setting: tuple[str, str | None]) -> tuple[Any, ...]:
+    """Conditions in the paper's order, others by name."""
+    condition, rule = setting
+    at = ORDER.index(condition) if condition in ORDER else len(ORDER)
+    return at, condition, rule or ""

@@ -91,19 +91,23 @@ def where_map(blocks: list[Mapping[str, Any]], name: str) -> str:
 
 
 def places(document: Document) -> str:
-    """Share of the evidence of a free forcing at each place of the model."""
-    shares = document["place_in_model"]
+    """Probability of a cause at each place of the model, above what a free forcing says."""
+    probabilities, forcing = document["place_in_model"], document["free_forcing"]
+    labels = ["no gap" if name == "none" else name for name in probabilities]
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.4, 2.5), layout="constrained")
+        figure = Figure(figsize=(7.4, 3.2), layout="constrained")
         axes = figure.add_subplot()
-        axes.barh(range(len(shares)), list(shares.values()), color=COLOURS[2], height=0.62)
-        for k, value in enumerate(shares.values()):
-            axes.text(value + 0.01, k, f"{value:.2f}", va="center", fontsize=8.5, color=INK)
-        axes.set_yticks(range(len(shares)), list(shares))
+        for k, (name, p) in enumerate(probabilities.items()):
+            axes.barh(k - 0.18, p, color=GREY if name == "none" else COLOURS[0], height=0.34)
+            axes.text(p + 0.01, k - 0.18, f"{p:.2f}", va="center", fontsize=8.5, color=INK)
+            if name != "none":
+                share = sum(v for place, v in forcing.items() if place.split()[-1] == name)
+                axes.barh(k + 0.16, share, color="#c4cbd3", height=0.22)
+        axes.set_yticks(range(len(probabilities)), labels)
         axes.invert_yaxis()
         axes.set_xlim(0.0, 1.1)
         axes.grid(visible=False, axis="y")
-        axes.set_xlabel("share of the gap that a free forcing explains best there")
+        axes.set_xlabel("probability that a cause acts there; grey: free forcing alone")
         return svg(figure, "places")
 
 
@@ -120,7 +124,7 @@ def waveforms(document: Document) -> str:
                 axes.fill_between(t, wave - 2 * sd, wave + 2 * sd, color="#dfe3e8", linewidth=0,
                                   label="measured ± 2 sd")  # fmt: skip
             axes.plot(t, trace["before"], color=RED, linestyle=(0, (4, 2)), label="base model")
-            axes.plot(t, trace["after"], color=COLOURS[0], label="with the cause")
+            axes.plot(t, trace["after"], color=COLOURS[0], label="after the diagnosis")
             held = " (held out)" if entry["held_out"] else ""
             axes.set_title(entry["condition"].replace("_", " ") + held)
             axes.set_xlabel("time [s]")
@@ -141,7 +145,7 @@ def ladder(document: Document) -> str:
         ("P_distal_rms_mmHg", "distal pressure, rms [mmHg]"),
         ("ffr_error", "error of FFR [-]"),
     )
-    steps = (("before", RED, "base model"), ("after", COLOURS[0], "with the cause"),
+    steps = (("before", RED, "base model"), ("after", COLOURS[0], "after the diagnosis"),
              ("noise_floor", GREY, "noise"))  # fmt: skip
     with rc_context(STYLE):
         figure = Figure(figsize=(8.2, 0.8 * len(rows) + 1.2), layout="constrained")

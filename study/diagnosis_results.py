@@ -9,8 +9,15 @@ from diagnosis import Diagnosis, Record, find_effect, noise_of
 from diagnosis.circuit import PHASE
 from diagnosis.measured import SENSORS
 from diagnosis.next_measurement import aliases, isolability, next_measurements
-from diagnosis.shrink import Shrink, fitted_gap, held_out_gap
-from diagnosis.where import Map, joint_map, place_shares, rest_map
+from diagnosis.shrink import Shrink, expected_waves, fitted_gap, held_out_gap
+from diagnosis.where import (
+    DRAWS,
+    Map,
+    forcing_shares,
+    joint_map,
+    place_probabilities,
+    rest_map,
+)
 
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE = "plan.json"
@@ -53,7 +60,9 @@ def diagnosis_document(
         "effects": [_effect(diagnosis, e) for e in _shown_effects(diagnosis)],
         "where": _blocks(joint_map(diagnosis), names),
         "where_after_rest_alone": None if rest is None else _blocks(rest, names),
-        "place_in_model": place_shares(diagnosis),
+        "place_in_model": place_probabilities(diagnosis),
+        "free_forcing": forcing_shares(diagnosis),
+        "smallest_global_p": 1.0 / (DRAWS + 1),
         "gap": {
             "fitted": fitted._asdict(),
             "held_out": [
@@ -156,7 +165,8 @@ def _shrink(value: Shrink | None) -> Document | None:
 
 
 def _waveforms(record: Record, diagnosis: Diagnosis) -> list[Document]:
-    """Traces of each condition: measured, base model, best hypothesis."""
+    """Traces of each condition: measured, base model, and what the diagnosis expects."""
+    expected = expected_waves(diagnosis)
     found = []
     for c, condition in enumerate(record.conditions):
         traces = {}
@@ -167,7 +177,7 @@ def _waveforms(record: Record, diagnosis: Diagnosis) -> list[Document]:
             traces[name] = {
                 "measured": _rounded(diagnosis.record.waves[c, s]) if has else None,
                 "before": _rounded(np.asarray(diagnosis.base.waves)[c, s]),
-                "after": _rounded(np.asarray(diagnosis.best.waves)[c, s]),
+                "after": _rounded(expected[c, s]),
             }
         found.append(
             {

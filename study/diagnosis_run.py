@@ -1,16 +1,19 @@
 """Runs the diagnosis of one record, and the plan of its next measurement, with progress shown."""
 
 import dataclasses
+import math
 import pathlib
 from collections.abc import Sequence
 
 from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, stacked
 from lumped.units import MMHG_S_PER_ML
-from study.case import Case
+from study.case import read_case
 from study.diagnosis_results import Document, plan_document
+from study.faults import CaseError, Fault
 from study.progress import Progress
 from study.provenance import origin
 from study.record_file import record_path
+from study.results import STUDY_FILE, load_document
 
 CASE_SD_LOG = 0.15
 """Log-sd of a resistance that comes from a patient's own anatomy."""
@@ -72,12 +75,70 @@ def record_origin(place: pathlib.Path, command: Sequence[str]) -> Document:
     return origin([file, *sorted(file.parent.glob("*.csv"))], file.parent, command)
 
 
-def with_case(record: Record, case: Case) -> tuple[Record, str]:
-    """The record with the resistance of a patient's case, and a remark that says so."""
-    if case.surrogate.R0 is None:
-        return record, (
-            f"The case {case.path.name} states no R0 below [surrogate]; the record's own was used."
-        )
-    R0 = float(case.surrogate.R0) / MMHG_S_PER_ML
+def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
+    """The record with the resistance of a patient's case or finished study, and a remark.
+
+    Args:
+        record: the record.
+        place: a case file, a stored result of `jaxfsi study`, or its folder. A case that states no
+            R0 is looked up in the results beside it.
+
+    Raises:
+        CaseError: the file is neither.
+    """
+    if place.suffix == ".json" or (place / STUDY_FILE).is_file():
+        return _with_ramp(record, place)
+    case = read_case(place)
+    if case.surrogate.R0 is not None:
+        R0 = float(case.surrogate.R0) / MMHG_S_PER_ML
+        return _changed(record, R0, f"was taken from {case.path.name}")
+    beside = case.path.parent / f"{case.path.stem}-results"
+    if (beside / STUDY_FILE).is_file():
+        return _with_ramp(record, beside)
+    return record, (
+        f"The case {case.path.name} states no R0 below [surrogate] and no finished study lies in "
+        f"{beside.name}; the record's own was used."
+    )
+
+
+def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
+    """R0 of the ramp ΔP = a Q + b Q²: its secant at the drop at rest, where the record knows it.
+
+    The tangent at 40 mmHg, the paper's R0, is larger than the resistance at a small drop.
+    """
+    document = load_document(place)
+    ramp = document.get("ramp")
+    if document.get("kind") != "study" or not isinstance(ramp, dict):
+        cure = "give a case file, or the folder of a finished jaxfsi study"
+        raise CaseError([Fault(place, "ramp", None, "no study with a ramp", "", cure)])
+    a, b, tangent = (float(ramp[k]) / MMHG_S_PER_ML for k in ("a", "b", "tangent_40_mmHg"))
+    drop = _drop_at_rest(record)
+    if drop is None or drop <= 0.0:
+        return _changed(
+            record, tangent, f"is the tangent at 40 mmHg of the ramp in {place.name} (the record "
+            "does not tell the drop at rest)"
+        )  # fmt: skip
+    R0 = 0.5 * (a + math.sqrt(a**2 + 4.0 * b * drop))
+    return _changed(
+        record, R0, f"is the secant at {drop:.3g} mmHg, the measured drop at rest, of the ramp in "
+        f"{place.name} (its tangent at 40 mmHg: {tangent:.3g})"
+    )  # fmt: skip
+
+
+def _drop_at_rest(record: Record) -> float | None:
+    """Mean pressure drop at rest [mmHg]; None where the record does not tell."""
+    for c in record.conditions:
+        if c.drug != "none" or c.held_out:
+            continue
+        if "P_distal" in c.beats:
+            return float(c.beats["P_aorta"].mean() - c.beats["P_distal"].mean())
+        if c.mean_P_aorta is not None and c.mean_P_distal is not None:
+            return c.mean_P_aorta - c.mean_P_distal
+        if c.ffr is not None:
+            return (1.0 - c.ffr) * (c.P_systolic + 2.0 * c.P_diastolic) / 3.0
+    return None
+
+
+def _changed(record: Record, R0: float, how: str) -> tuple[Record, str]:
     changed = dataclasses.replace(record, R0=R0, R0_sd_log=CASE_SD_LOG)
-    return changed, f"R0 = {R0:.3g} mmHg s/ml was taken from {case.path.name}."
+    return changed, f"R0 = {R0:.3g} mmHg s/ml {how}."

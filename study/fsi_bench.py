@@ -132,7 +132,7 @@ def run_key(bench: Bench, name: RunName, before: RunName | None = None) -> str:
     rest = case.conditions.get("rest")
     entry = case.conditions[name.condition]
     solver = dataclasses.replace(case.solver, n_steps=None)
-    blocks = (case.blood, case.wall, case.coronary, case.surrogate, solver)
+    blocks = (case.blood, case.wall, case.coronary, case.surrogate, case.windkessel, solver)
     factors = case.stress.factors if name.rule == "factors" else None
     conditions = tuple(
         None if c is None else dataclasses.replace(c, ffr=None, ffr_sd=None) for c in (rest, entry)
@@ -162,7 +162,7 @@ def fsi_run(bench: Bench, name: RunName, *, before: RunName | None = None) -> di
     key = run_key(bench, name, before)
 
     def compute() -> dict[str, Any]:
-        setup = _setup(bench, name)
+        setup = setup_of(bench, name)
         if before is not None:
             setup = dataclasses.replace(setup, state=_continued(bench, before, setup))
         return run_part(bench, setup, finished_run(bench, name.folder, key, setup), name)
@@ -171,7 +171,8 @@ def fsi_run(bench: Bench, name: RunName, *, before: RunName | None = None) -> di
     return bench.stages.value(f"run-{name.folder}", stage_key(key, "site", site), compute)
 
 
-def _setup(bench: Bench, name: RunName) -> Setup:
+def setup_of(bench: Bench, name: RunName) -> Setup:
+    """Model and start of a run."""
     case = bench.case
     if name.rule is not None:
         case = dataclasses.replace(case, stress=dataclasses.replace(case.stress, rule=name.rule))
@@ -209,7 +210,7 @@ def _continued(bench: Bench, before: RunName, setup: Setup) -> State:
     The state of an intramyocardial node counts from the ventricular pressure, which may differ
     between the two at the start of a cycle.
     """
-    rest = _setup(bench, before)
+    rest = setup_of(bench, before)
     end = finished_run(bench, before.folder, run_key(bench, before), rest).state
     assert end is not None
     start = setup.state

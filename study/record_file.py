@@ -59,9 +59,7 @@ def read_record(path: pathlib.Path, *, needs_data: bool = True) -> tuple[Record,
     record = Record(
         id=values["id"],
         conditions=tuple(conditions),
-        pressure_sd=noise["pressure_sd"],
-        flow_relative_sd=noise["flow_relative_sd"],
-        ffr_sd=noise["ffr_sd"],
+        **noise,
         **values["prior"],
     )
     return record, _remarks(record)
@@ -137,6 +135,7 @@ def record_files(record: Record) -> dict[str, str]:
     lines = [f'id = "{record.id}"']
     stated = {
         "pressure_sd_mmHg": record.pressure_sd,
+        "pressure_offset_sd_mmHg": record.pressure_offset_sd,
         "flow_relative_sd": record.flow_relative_sd,
         "ffr_sd": record.ffr_sd,
     }

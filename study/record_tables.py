@@ -14,6 +14,7 @@ _NAME = r"[A-Za-z0-9]([A-Za-z0-9._-]{0,62}[A-Za-z0-9_-])?"
 HEAD = (Word("id", pattern=_NAME, required=True, described="a name of letters, digits, . _ -"),)
 NOISE = (
     Quantity("pressure_sd", "pressure", "mmHg", 0.02, 20.0),
+    Quantity("pressure_offset_sd", "pressure", "mmHg", 0.01, 20.0),
     Quantity("flow_relative_sd", "ratio", "", 0.001, 1.0),
     Quantity("ffr_sd", "ratio", "", 0.0005, 0.2),
 )
@@ -52,8 +53,8 @@ def read_record_tables(document: dict[str, Any], context: Context) -> dict[str, 
     top = {name: document[name] for name in ("id",) if name in document}
     values: dict[str, Any] = read_table(top, "record", HEAD, context)
     noise = read_table(document.get("noise", {}), "noise", NOISE, context)
-    if noise["pressure_sd"] is not None:
-        noise["pressure_sd"] = _clinical(noise["pressure_sd"], MMHG)
+    for name in ("pressure_sd", "pressure_offset_sd"):
+        noise[name] = _clinical(noise[name], MMHG)
     values["noise"] = noise
     values["prior"] = _read_prior(document.get("prior", {}), context)
     tables = document.get("condition")

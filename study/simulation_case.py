@@ -7,25 +7,39 @@
 | an anomalous outlet | five-element coronary bed, its resistances times alpha |
 | every other outlet | the coronary bed of the case, not scaled |
 
-Under stress the rule of the case changes all blocks. Each starts from the periodic state that it
-has in 0D behind the aortic pressure (the anomalous one behind the surrogate of its artery), so that
-no cycles are lost on filling it; the blood starts at rest under the pressure of the inlet. The wall
-carries the diastolic pressure at rest (that of the condition, where the case has no rest) in the
-shape of the image, against no pressure outside, by prestress; a case can have it free of stress
-there instead, with that pressure outside.
+Under stress the rule of the case changes all blocks. In series with the Windkessel stand the 10
+dyn·s/cm⁵ of the paper. With them the inertia of the blood in the aorta and the compliance behind it
+swing against each other: where the pressure is given, up to 150 l/min pass a child's aorta to and
+fro under dobutamine, and their velocity head adds 13 mmHg to the mean pressure at the ostium. The
+characteristic impedance of the aorta, which a case can have instead, sends no wave back, and stays
+under stress; there are 36 l/min then, and 1 mmHg.
+
+Each block starts from the periodic state that it has in 0D behind the aortic pressure (the
+anomalous one behind the surrogate of its artery), so that no cycles are lost on filling it; the
+blood starts at rest under the pressure of the inlet. The wall carries the diastolic pressure at
+rest (that of the condition, where the case has no rest) in the shape of the image, against no
+pressure outside, by prestress; a case can have it free of stress there instead, with that pressure
+outside.
 
 Source: Puelz et al. 2024, section 2.3.
 """
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
-from calibration import alpha_closed_form, calibrate_alpha, systemic_windkessel
+from calibration import (
+    alpha_closed_form,
+    calibrate_alpha,
+    characteristic_impedance,
+    systemic_windkessel,
+)
 from jaxfsi import Mesh, Region, submesh
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, Port, PressurePort
@@ -45,6 +59,7 @@ from lumped import (
     solve_periodic,
 )
 from lumped.network import Network
+from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
 from study.case import Case, Condition
 from study.case_model import Keep, case_model
@@ -97,10 +112,19 @@ class Outlets:
         starts: states of each.
     """
 
-    alpha: float
+    alpha: Parameter
     alpha_origin: str
     blocks: dict[str, RCR | Coronary]
-    starts: dict[str, np.ndarray]
+    starts: dict[str, Float[Array, " _"]]
+
+    def ports(self, inlet: AbstractWaveform, names: Sequence[str]) -> dict[str, Port]:
+        """Condition of each opening: the aortic pressure where there is no block."""
+        blocks = ((name, self.blocks.get(name)) for name in names)
+        return {n: PressurePort(inlet) if b is None else BlockPort(b) for n, b in blocks}
+
+    def starts_of(self, names: Sequence[str]) -> tuple[Float[Array, " _"] | None, ...]:
+        """States in the order of the ports of a model."""
+        return tuple(self.starts.get(name) for name in names)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -225,23 +249,22 @@ def prepare_simulation(
     if rigid:
         mesh = submesh(mesh, Region.FLUID).mesh
     entry = case.conditions[condition]
-    inlet = _aortic_pressure(entry)
-    outlets = _outlets(case, condition, mesh, inlet, alpha)
-    ports: dict[str, Port] = {}
-    for name in mesh.openings:
-        block = outlets.blocks.get(name)
-        ports[name] = PressurePort(inlet) if block is None else BlockPort(block)
-    image = case.conditions.get("rest", entry)
-    model = case_model(case, mesh, ports, image.P_diastolic, rigid=rigid, keep=keep)
-    starts = tuple(
-        jnp.asarray(outlets.starts[name]) if name in outlets.starts else None
-        for name in model.names
-    )
-    state = initial_state(model, p=inlet(0.0), blocks=starts)
+    inlet = aortic_pressure(entry)
+    rule = None if entry.kind == "rest" else stress_rules(case)[case.stress.rule]
+    outlets = outlets_of(case, condition, mesh, alpha, rule)
+    ports = outlets.ports(inlet, mesh.openings)
+    model = case_model(case, mesh, ports, image_pressure(case, condition), rigid=rigid, keep=keep)
+    state = initial_state(model, p=inlet(0.0), blocks=outlets.starts_of(model.names))
     return Setup(mesh, model, state, inlet, outlets, schedule)
 
 
-def _aortic_pressure(entry: Condition) -> AbstractWaveform:
+def image_pressure(case: Case, condition: str) -> float:
+    """Pressure of the blood in the image: diastolic at rest, where the case has one [dyn/cm²]."""
+    return case.conditions.get("rest", case.conditions[condition]).P_diastolic
+
+
+def aortic_pressure(entry: Condition) -> AbstractWaveform:
+    """The beat of aortic pressure of a condition."""
     known = condition_of(entry)
     if known.waveform is not None:
         return known.waveform
@@ -257,15 +280,34 @@ def _output(case: Case, condition: str) -> Condition | None:
     return None
 
 
-def _outlets(
-    case: Case, condition: str, mesh: Mesh, inlet: AbstractWaveform, alpha: float | None
+def outlets_of(
+    case: Case,
+    condition: str,
+    mesh: Mesh,
+    alpha: Parameter | None,
+    rule: StressRule | None,
 ) -> Outlets:
+    """What lies behind the outlets; the pressures of the condition, α and rule may be traced.
+
+    Args:
+        case: the case.
+        condition: name of the condition.
+        mesh: the mesh, for its openings.
+        alpha: scale of the anomalous outlet; None: as calibrated, 1 where that is not possible.
+        rule: stress rule; None at rest.
+
+    Raises:
+        CaseError: the case cannot be calibrated.
+        RuntimeError: a periodic state was not found.
+    """
     entry = case.conditions[condition]
-    rule = None if entry.kind == "rest" else stress_rules(case)[case.stress.rule]
+    inlet = aortic_pressure(entry)
     patient = _patient(case)
     alpha, origin = _alpha(patient, alpha)
     own = None if patient is None else patient.model.surrogate
-    blocks: dict[str, RCR | Coronary] = {OUTLET: _windkessel(case, condition, rule)}
+    blocks: dict[str, RCR | Coronary] = {
+        OUTLET: _windkessel(case, condition, rule, _opening_area(mesh, OUTLET))
+    }
     starts = {OUTLET: _start(inlet, entry.period, blocks[OUTLET])}
     for name in mesh.openings:
         if name in (INLET, OUTLET):
@@ -288,7 +330,7 @@ def _patient(case: Case) -> Patient | None:
         return None
 
 
-def _alpha(patient: Patient | None, given: float | None) -> tuple[float, str]:
+def _alpha(patient: Patient | None, given: Parameter | None) -> tuple[Parameter, str]:
     if given is not None:
         return given, "given"
     rest = None if patient is None else patient.case.conditions.get("rest")
@@ -309,23 +351,39 @@ def _alpha(patient: Patient | None, given: float | None) -> tuple[float, str]:
     return float(found), f"calibrated at rest with the {patient.model.law} surrogate"
 
 
-def _windkessel(case: Case, condition: str, rule: StressRule | None) -> RCR:
+def _windkessel(case: Case, condition: str, rule: StressRule | None, area: float) -> RCR:
     entry = _output(case, condition)
     assert entry is not None, "checked by check_simulation"
     assert entry.cardiac_output is not None
     volume = entry.stroke_volume or entry.cardiac_output * entry.period
     block = systemic_windkessel(entry.P_systolic, entry.P_diastolic, entry.cardiac_output, volume)
-    return block if rule is None or entry.name == condition else rule(block)
+    stressed = block if rule is None or entry.name == condition else rule(block)
+    if case.windkessel.characteristic == "paper":
+        return stressed
+    total, wall = stressed.R_distal, case.wall
+    series = characteristic_impedance(
+        area, case.blood.rho_f, wall.E, wall.nu, wall.thickness_per_radius
+    )
+    series = jnp.minimum(series, 0.5 * total)
+    return RCR(R_proximal=series, C=stressed.C, R_distal=total - series)
 
 
-def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: float) -> Coronary:
+def _opening_area(mesh: Mesh, name: str) -> float:
+    corner = mesh.points[mesh.labelled(name)]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    return float(np.linalg.norm(normal, axis=1).sum() / 2.0)
+
+
+def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: Parameter) -> Coronary:
     ventricle = VentricularPressure(entry.P_systolic, entry.period)
     bed = Coronary(P_im=ventricle, **dataclasses.asdict(case.coronary))
     bed = scale_resistances(bed, scale)
     return bed if rule is None else eqx.tree_at(lambda b: b.P_im, rule(bed), ventricle)
 
 
-def _start(inlet: AbstractWaveform, period: float, block: RCR | Coronary) -> np.ndarray:
+def _start(
+    inlet: AbstractWaveform, period: float, block: RCR | Coronary
+) -> Float[Array, " states"]:
     """Periodic states of a block directly behind the aortic pressure, at the start of a cycle."""
     parts: dict[str, Any] = {
         "inlet": (PressureSource(inlet), "aorta"),
@@ -334,8 +392,8 @@ def _start(inlet: AbstractWaveform, period: float, block: RCR | Coronary) -> np.
     return _states(connect(parts), period)
 
 
-def _states(network: Network, period: float) -> np.ndarray:
+def _states(network: Network, period: float) -> Float[Array, " states"]:
     solver = Propagator() if network.is_linear else Shooting()
     solution = solve_periodic(network, period, solver)
     names = network["coronary"].state_names
-    return np.array([float(solution.state("coronary", name)[0]) for name in names])
+    return jnp.array([solution.state("coronary", name)[0] for name in names], float)

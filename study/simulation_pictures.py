@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image
 
+from calibration.lumen_shape import LumenSurface
 from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import Entry, read_series
@@ -25,6 +26,8 @@ PICTURES = {
     "speed": "Speed of the blood in the same plane.",
     "wall": "The wall from outside, coloured by its displacement (where it is rigid: the lumen,"
     " coloured by wall shear stress).",
+    "lumen": "The lumen around the anomalous artery from three sides: change of the ratio per area"
+    " and shift outwards; blue: wider there raises it, red: lowers it.",
 }
 """What the pictures show, by name."""
 
@@ -116,6 +119,21 @@ def draw_film(
         buffer, format="GIF", save_all=True, append_images=coloured[1:], duration=pause, loop=0
     )
     return buffer.getvalue()
+
+
+def draw_lumen(
+    mesh: Mesh, anatomy: Anatomy | None, surface: LumenSurface, values: np.ndarray
+) -> dict[str, bytes]:
+    """Picture of a value at each node of the lumen; none where nothing can be drawn."""
+    if importlib.util.find_spec("pyvista") is None:
+        return {}
+    arrays = _scene(mesh, anatomy)
+    arrays |= {"points": surface.points, "triangles": surface.triangles, "values": values}
+    try:
+        drawn = run_isolated(NativeCall(_ADAPTER, arrays, {"surface": True}, _TIMEOUT))
+    except MeshingError:
+        return {}
+    return {name: content.tobytes() for name, content in drawn.items()}
 
 
 def _scene(mesh: Mesh, anatomy: Anatomy | None) -> dict[str, np.ndarray]:

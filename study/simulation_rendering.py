@@ -30,6 +30,8 @@ def run(arrays: dict[str, np.ndarray], options: dict) -> dict[str, np.ndarray]:
     Returns:
         PNG files as bytes, by name.
     """
+    if options.get("surface"):
+        return {"lumen": np.frombuffer(_coloured(arrays), dtype=np.uint8)}
     grids = [_moved(pv.read(file)) for file in options["files"]]
     slices = [grid.slice(normal=arrays["normal"], origin=arrays["focus"]) for grid in grids]
     blood = [part.extract_cells(part.cell_data["region"] == 0) for part in slices]
@@ -164,6 +166,33 @@ def _surfaces(grids, arrays: dict, rigid: bool) -> bytes:
             float(arrays["whole_half"]),
         )
     _scale(plotter, len(parts), actor, _TITLES[name])
+    return _png(plotter)
+
+
+def _coloured(arrays: dict) -> bytes:
+    """A surface with a value at each of its points, from three sides around the focus."""
+    triangles = arrays["triangles"]
+    faces = np.concatenate([np.full((len(triangles), 1), 3), triangles], axis=1)
+    surface = pv.PolyData(arrays["points"], faces.ravel())
+    surface["value"] = arrays["values"]
+    reach = max(float(np.percentile(np.abs(arrays["values"]), 99.7)), 1e-12)
+    normal, up, half = arrays["normal"], arrays["up"], float(arrays["near_half"])
+    views = (normal, up, -normal)
+    plotter, actor = _plotter(len(views)), None
+    for column, view in enumerate(views):
+        plotter.subplot(0, column)
+        actor = plotter.add_mesh(
+            surface,
+            scalars="value",
+            cmap="RdBu",
+            clim=(-reach, reach),
+            specular=0.1,
+            show_scalar_bar=False,
+        )
+        plotter.enable_anti_aliasing("ssaa")
+        upright = up if abs(float(view @ up)) < 0.9 else np.cross(normal, up)
+        _look(plotter, arrays["focus"], view, upright, half)
+    _scale(plotter, len(views), actor, "1/mm3")
     return _png(plotter)
 
 

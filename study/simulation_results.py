@@ -69,7 +69,7 @@ def simulation_document(
         "interrupted": outcome.interrupted,
         "notes": _notes(case, condition, setup, outcome, cycles),
         "period_s": plan.period,
-        "alpha": setup.outlets.alpha,
+        "alpha": float(setup.outlets.alpha),
         "alpha_origin": setup.outlets.alpha_origin,
         "ports": _ports(setup.model),
         "cycles": cycles,

@@ -63,4 +63,5 @@ def study_choice(case: Case, options: argparse.Namespace) -> StudyChoice:
         rules=options.rules,
         nominal=options.nominal,
         paper=not options.quick if options.paper is None else options.paper,
+        sensitivities=options.sensitivities or (),
     )

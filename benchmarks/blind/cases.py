@@ -9,12 +9,13 @@ import hashlib
 import json
 import pathlib
 import secrets
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
+from benchmarks.blind.layers import two_layers
 from benchmarks.blind.sensors import noise, seen
-from benchmarks.blind.truth import OUTSIDE, RANGES, SAMPLED, Lanes, March
+from benchmarks.blind.truth import OUTSIDE, RANGES, SAMPLED, Lanes, one_layer
 
 CONDITIONS = (
     ("rest", "none", (0.0, 0.0, 0.0), 0.80, 110.0, 65.0),
@@ -26,6 +27,9 @@ CONDITIONS = (
 
 OFFSET_SD_MMHG = 0.3
 """Slow offset of each pressure trace."""
+
+TIERS = {1: one_layer, 2: two_layers}
+"""Truths: the diagnosis's topology with other equations, or another topology."""
 
 SHARES = {"single": 0.50, "none": 0.20, "pair": 0.15, "outside": 0.15}
 
@@ -51,6 +55,11 @@ def draw_labels(rng: np.random.Generator, count: int, kind: str | None = None) -
         labels.append({"kind": now, "sizes": {n: _size(rng, n) for n in chosen}})
     order = rng.permutation(count)
     return [labels[k] for k in order]
+
+
+def _label(rng: np.random.Generator, name: str | None) -> dict:
+    kind = "none" if name is None else "single"
+    return {"kind": kind, "sizes": {} if name is None else {name: _size(rng, name)}}
 
 
 def _size(rng: np.random.Generator, name: str) -> float:
@@ -88,12 +97,33 @@ def draw_lanes(rng: np.random.Generator, labels: list[dict]) -> Lanes:
 class Cases:
     """Drawn cases with their traces without noise, cases × conditions × samples."""
 
-    def __init__(self, seed: int, count: int, kind: str | None = None, march: Any = March):
-        """Draw and march; the random numbers of the noise come from the same seed."""
+    def __init__(
+        self,
+        seed: int,
+        count: int,
+        kind: str | None = None,
+        tier: int = 1,
+        offset: float = OFFSET_SD_MMHG,
+        effects: Sequence[str | None] | None = None,
+    ):
+        """Draw and march; the random numbers of the noise come from the same seed.
+
+        Args:
+            seed: of everything.
+            count: number of cases.
+            kind: the kind of all cases; by default the mix.
+            tier: which truth, see `TIERS`.
+            offset: slow offset of each pressure trace [mmHg].
+            effects: the one effect of each case, None for none, in place of the draw.
+        """
+        self.offset = offset
         self.rng = np.random.default_rng(seed)
-        self.labels = draw_labels(self.rng, count, kind)
+        if effects is None:
+            self.labels = draw_labels(self.rng, count, kind)
+        else:
+            self.labels = [_label(self.rng, name) for name in effects]
         self.lanes = draw_lanes(self.rng, self.labels)
-        traces = seen(march(self.lanes).run(), self.lanes)
+        traces = seen(TIERS[tier](self.lanes), self.lanes)
         shape = (count, len(CONDITIONS), SAMPLED)
         self.traces = {name: wave.reshape(shape) for name, wave in traces.items()}
         recorded = [self.lanes[n].reshape(shape[:2]) for n in ("P_systolic", "P_diastolic")]
@@ -116,8 +146,9 @@ class Cases:
         C = len(CONDITIONS)
         lines = [f'id = "case-{k:04d}"']
         if state:
-            lines += ["[noise]", f"pressure_sd_mmHg = {sd}", "flow_relative_sd = 0.05",
-                      "ffr_sd = 0.01"]  # fmt: skip
+            lines += ["[noise]", f"pressure_sd_mmHg = {sd}",
+                      f"pressure_offset_sd_mmHg = {max(self.offset, 0.01)}",
+                      "flow_relative_sd = 0.05", "ffr_sd = 0.01"]  # fmt: skip
         R0 = self.lanes["R0_prior"][k * C]
         lines += ["[prior]", f"R0_mmHg_s_per_ml = {{ value = {R0:.6g}, sd_log = 0.15 }}"]
         for c, (name, drug, _, *_rest) in enumerate(CONDITIONS):
@@ -127,7 +158,7 @@ class Cases:
             noisy = {
                 n: np.tile(wave, beats)
                 + noise(self.rng, (beats, SAMPLED), single).reshape(-1)
-                + OFFSET_SD_MMHG * self.rng.standard_normal()
+                + self.offset * self.rng.standard_normal()
                 for n, wave in P.items()
             }
             means = {n: wave.mean() for n, wave in noisy.items()}

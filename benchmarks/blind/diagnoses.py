@@ -6,35 +6,47 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
+from benchmarks.blind.sparse import strongest_term
 from diagnosis import Diagnosis, diagnose, measured, stacked
 from diagnosis.prediction import n_unknowns
+from diagnosis.shrink import expected_waves
 from study.cache import use_cache
 from study.record_file import read_record
 
 
 def diagnose_folder(
-    folder: pathlib.Path, richness: str, *, prior_scale: float = 1.0
+    folder: pathlib.Path, richness: str, *, prior_scale: float = 1.0, first: int | None = None
 ) -> list[dict[str, Any]]:
-    """One row a record: probabilities, verdict, baselines, predictions of what is held out."""
+    """One row a record: probabilities, verdict, baselines, predictions of what is held out.
+
+    Args:
+        folder: of the records.
+        richness: what is used of them.
+        prior_scale: factor on the prior of every size.
+        first: only so many of them.
+    """
     use_cache()
-    places = sorted(place for place in folder.iterdir() if (place / "record.toml").is_file())
+    places = sorted(place for place in folder.iterdir() if (place / "record.toml").is_file())[
+        :first
+    ]
     records = [read_record(place)[0] for place in places]
     found = diagnose(stacked([measured(r, richness) for r in records]), prior_scale=prior_scale)
     return [
-        {"case": int(place.name.split("-")[1]), **_row(diagnosis)}
+        {"case": int(place.name.split("-")[1]), **row_of(diagnosis)}
         for place, diagnosis in zip(places, found, strict=True)
     ]
 
 
-def _row(d: Diagnosis) -> dict[str, Any]:
+def row_of(d: Diagnosis) -> dict[str, Any]:
+    """What is kept of a diagnosis, for the score."""
     j = d.judgement
     singles = {h[0]: f for h, f in d.fits.items() if len(h) == 1}
     bic = {name: float(f.chi2) + float(f.x @ f.x) + np.log(d.n_data) for name, f in singles.items()}
     base = float(d.base.chi2) + float(d.base.x @ d.base.x)
     best = min(bic, key=lambda name: bic[name])
 
-    def wave(fitted: Any) -> list[float]:
-        return [round(float(v), 4) for v in np.asarray(fitted.waves)[-1, 1]]
+    def wave(waves: Any) -> list[float]:
+        return [round(float(v), 4) for v in np.asarray(waves)[-1, 1]]
 
     return {
         "verdict": j.verdict,
@@ -49,11 +61,13 @@ def _row(d: Diagnosis) -> dict[str, Any]:
         ),
         "bic": best if bic[best] < base else "none",
         "scan": max(d.scan, key=lambda name: d.scan[name]),
+        "sparse": strongest_term(d),
         "forcing_log_B": float(np.max(d.forcing)),
         "log_B": {"+".join(h): v for h, v in d.log_B.items()},
+        "visibility": dict(d.visibility),
         "held_out_waves": {
-            "before": wave(d.base),
-            "after": wave(d.best),
-            "single": {name: wave(f) for name, f in singles.items()},
+            "before": wave(d.base.waves),
+            "after": wave(expected_waves(d)),
+            "single": {name: wave(f.waves) for name, f in singles.items()},
         },
     }

@@ -36,22 +36,40 @@ def expected_calibration_error(p: np.ndarray, hit: np.ndarray, bins: int = 10) -
     return float(np.sum(gaps) / p.size)
 
 
+def ranked(row: Row) -> list[str]:
+    """Effects by inclusion probability; "none" and "unknown" take no rank."""
+    return sorted(row["inclusion"], key=lambda name: -row["inclusion"][name])
+
+
+def truth(row: Row) -> list[str]:
+    """Effects that act in a case."""
+    return list(row["label"]["sizes"])
+
+
+def detectability(row: Row) -> float:
+    """λ of a case with one effect: length of its own trace in noise units."""
+    (name,) = truth(row)
+    return row["visibility"][name] * abs(row["label"]["sizes"][name])
+
+
+def wrongly_named(row: Row) -> bool:
+    """Whether an effect was named that does not act."""
+    return row["verdict"] == "named" and not set(row["named"]) <= set(truth(row))
+
+
 def score(rows: list[Row]) -> dict[str, str]:
-    """All figures of one level."""
+    """All figures of one level.
+
+    Top-1 and top-2 rank the effects among themselves, by inclusion probability.
+    """
 
     def of_kind(kind: str) -> list[Row]:
         return [row for row in rows if row["label"]["kind"] == kind]
 
-    def ranked(row: Row) -> list[str]:
-        return sorted(row["inclusion"], key=lambda name: -row["inclusion"][name])
-
-    def truth(row: Row) -> list[str]:
-        return list(row["label"]["sizes"])
-
     single, null, pair, outside = (of_kind(k) for k in ("single", "none", "pair", "outside"))
     named = [r for r in single if r["verdict"] == "named"]
     visible = [r for r in single if r["probabilities"].get("none", 0.0) < 0.05]
-    p, hit = _calibration(rows)
+    p, hit = stated_and_seen(rows)
     shrink = [
         (1 - r["held_out"]["after"] / r["held_out"]["before"],
          1 - r["held_out"]["oracle"] / r["held_out"]["before"])
@@ -65,6 +83,7 @@ def score(rows: list[Row]) -> dict[str, str]:
         "top-2": wilson(sum(truth(r)[0] in ranked(r)[:2] for r in single), len(single)),
         "named": wilson(len(named), len(single)),
         "right if named": wilson(sum(r["named"] == truth(r) for r in named), len(named)),
+        "wrongly named of all": wilson(sum(wrongly_named(r) for r in rows), len(rows)),
         "90 % set covers": wilson(
             sum(any(truth(r)[0] in h.split("+") for h in r["cover"]) for r in single), len(single)
         ),
@@ -78,6 +97,7 @@ def score(rows: list[Row]) -> dict[str, str]:
         "outside: named": wilson(sum(r["verdict"] == "named" for r in outside), len(outside)),
         "pair: first": wilson(sum(ranked(r)[0] in truth(r) for r in pair), len(pair)),
         "pair: both": wilson(sum(set(ranked(r)[:2]) == set(truth(r)) for r in pair), len(pair)),
+        **_by_detectability(single),
         "ECE": f"{expected_calibration_error(p, hit):.3f}",
         "held-out shrink": f"{np.median([a for a, _ in shrink]):.2f}" if shrink else "-",
         "of oracle": f"{np.median([b for _, b in shrink]):.2f}" if shrink else "-",
@@ -88,14 +108,29 @@ def score(rows: list[Row]) -> dict[str, str]:
         "BIC single: top-1": wilson(sum(r["bic"] == truth(r)[0] for r in single), len(single)),
         "BIC single: false": wilson(sum(r["bic"] != "none" for r in null), len(null)),
         "score scan: top-1": wilson(sum(r["scan"] == truth(r)[0] for r in single), len(single)),
+        "BIC single: outside named": wilson(sum(r["bic"] != "none" for r in outside), len(outside)),
+        "sparse regression: top-1": wilson(
+            sum(r["sparse"] == truth(r)[0] for r in single), len(single)
+        ),
+        "sparse regression: false": wilson(sum(r["sparse"] != "none" for r in null), len(null)),
         "free forcing only: gap seen": wilson(
             sum(r["forcing_log_B"] > 3.0 for r in single), len(single)
         ),
+        "free forcing only: false": wilson(sum(r["forcing_log_B"] > 3.0 for r in null), len(null)),
     }
     return found
 
 
-def _calibration(rows: list[Row]) -> tuple[np.ndarray, np.ndarray]:
+def _by_detectability(single: list[Row]) -> dict[str, str]:
+    found = {}
+    for low, high in ((0.0, 3.0), (3.0, 10.0), (10.0, np.inf)):
+        some = [r for r in single if low <= detectability(r) < high]
+        label = f"top-1, λ {low:g} to {high:g}" if np.isfinite(high) else f"top-1, λ above {low:g}"
+        found[label] = wilson(sum(ranked(r)[0] == truth(r)[0] for r in some), len(some))
+    return found
+
+
+def stated_and_seen(rows: list[Row]) -> tuple[np.ndarray, np.ndarray]:
     """Stated probability of the likeliest hypothesis, and whether it is true."""
     p, hit = [], []
     for row in rows:
@@ -108,16 +143,21 @@ def _calibration(rows: list[Row]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def misses(rows: list[Row]) -> list[str]:
-    """Every case that was diagnosed wrongly, in a line."""
+    """Every case that was ranked or named wrongly, in a line."""
     lines = []
     for row in rows:
         kind, sizes = row["label"]["kind"], row["label"]["sizes"]
         wrong = (
-            (kind == "single" and row["verdict"] == "named" and row["named"] != list(sizes))
+            (kind == "single" and (ranked(row)[0] not in sizes or row["verdict"] == "unknown"))
+            or wrongly_named(row)
             or (kind == "none" and row["verdict"] != "no_gap")
-            or (kind == "outside" and row["verdict"] == "named")
         )
         if wrong:
             given = ", ".join(f"{name} {size:.3g}" for name, size in sizes.items()) or "nothing"
-            lines.append(f"case {row['case']}: {given} -> {row['verdict']} {row['named']}")
+            visible = f" (λ {detectability(row):.1f})" if kind == "single" else ""
+            names = ", ".join(row["named"][:3]) or "-"
+            lines.append(
+                f"case {row['case']}: {given}{visible} -> {row['verdict']}: {names}; "
+                f"first {ranked(row)[0]}"
+            )
     return lines

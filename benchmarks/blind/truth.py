@@ -23,6 +23,7 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "quadratic_loss": (1.5, 12.0, False),
     "dynamic_narrowing": (0.3, 2.0, False),
     "proximal_resistance": (0.25, 0.7, True),
+    "stress_narrowing": (0.2, 0.8, True),
     "inertance": (0.03, 0.15, False),
     "vasodilation": (0.2, 0.8, True),
     "adenosine_vasodilation": (0.2, 0.8, True),
@@ -36,6 +37,7 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "wall_viscoelasticity": (0.010, 0.060, False),
     "wire_drift": (1.0, 4.0, True),
     "sensor_height": (1.5, 7.0, True),
+    "sensor_gain": (0.03, 0.10, True),
     "aortic_zero_error": (1.5, 7.0, True),
     "catheter_damping": (0.005, 0.030, False),
     "signal_delay": (0.006, 0.040, True),
@@ -51,9 +53,9 @@ OUTSIDE: dict[str, tuple[float, float]] = {
     "echo": (0.08, 0.25),
     "whip": (2.0, 8.0),
     "clipping": (0.75, 0.93),
-    "sensor_gain": (0.03, 0.10),
-    "stress_resistance": (0.3, 0.8),
     "long_ejection": (0.05, 0.15),
+    "diastolic_suction": (4.0, 15.0),
+    "shear_thinning": (0.3, 1.0),
 }
 """Effects outside the catalogue and their ranges."""
 
@@ -84,7 +86,7 @@ def ventricle(phase: np.ndarray, peak: np.ndarray, late: np.ndarray) -> np.ndarr
 
 
 class March:
-    """The lanes, their parameters and the rate of change of their states."""
+    """The lanes, their parameters, and the rate of change of the states of one layer."""
 
     def __init__(self, lanes: Lanes):
         """Take lanes as arrays: settings, patient values and one size per effect (0: absent)."""
@@ -108,7 +110,7 @@ class March:
         self.C_im = _C_IM * lanes["C_im"] * stiff
         self.C_0 = _C_0 * lanes["C0"]
         self.R_0 = lanes["R0"] * np.exp(size("proximal_resistance"))
-        self.R_0 = self.R_0 * (1.0 + s * size("stress_resistance"))
+        self.R_0 = self.R_0 * np.exp(s * size("stress_narrowing"))
         self.L = size("inertance")
         self.has_L = self.L > 0.0
         self.K = size("quadratic_loss")
@@ -132,7 +134,8 @@ class March:
         """True pressure of the muscle on its vessels."""
         plain = ventricle(phase, self.v["P_systolic"], self.late)
         fuller = self.v["P_systolic"] * _bump((phase - 0.235) / 0.17, 0.45)
-        return plain + self.squeeze * (0.7 * plain + 0.3 * fuller)
+        suction = self.size("diastolic_suction") * _bump((phase - 0.48) / 0.08, 1.0)
+        return plain + self.squeeze * (0.7 * plain + 0.3 * fuller) - suction
 
     def flow(self, P_in: np.ndarray, P_0: np.ndarray, Q_L: np.ndarray) -> np.ndarray:
         """Flow into the ostium."""
@@ -141,6 +144,8 @@ class March:
         R = self.R_0 * area**-1.6
         collapse = self.size("threshold_collapse")
         R = R * (1.0 + collapse / (1.0 + np.exp(np.clip((P_0 - 55.0) / 2.0, -50, 50))))
+        slow = 1.0 / (1.0 + np.abs(P_in - P_0) / (0.7 * self.R_0))
+        R = R * (1.0 + self.size("shear_thinning") * slow)
         Q = np.where(self.has_L, Q_L, (P_in - P_0) / R)
         at = self.curved
         if at.size:
@@ -153,66 +158,88 @@ class March:
         self.R_seen = R
         return Q
 
-    def rate(self, phase: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rate of change of P_0, P_2, y, Q_L, branch volume; and the flow."""
-        P_0, P_2, y, Q_L, V_b = x
-        P_in, P_m = self.inlet(phase), self.muscle(phase)
-        Q = self.flow(P_in, P_0, Q_L)
+    def bed(self, phase: np.ndarray, P_2: np.ndarray) -> tuple[np.ndarray, ...]:
+        """R_2, pressure behind R_3, compliance C_a, and pressure of the muscle, at an instant."""
+        P_m = self.muscle(phase)
         gain = np.tanh(1.5 * (self.mean_2 - 70.0) / 70.0) / 1.5
         R_2 = self.R_2 * np.exp(self.size("autoregulation") * gain)
         R_2 = R_2 * (1.0 + self.size("systolic_resistance") * _bump((phase - 0.22) / 0.2, 1.0))
-        P_3 = y + P_m
-        through = (P_2 - P_3) / R_2
         back = self.size("back_pressure") * (1.0 + 0.3 * np.sin(2.0 * np.pi * phase))
         back = np.maximum(back, self.size("waterfall") * P_m)
-        drain = (P_3 - back) / self.R_3
-        arriving = (P_0 - P_2) / self.R_1 + self.G * (P_in - P_2)
         C_a = self.C_a * np.exp(-self.size("stiffening_wall") * (P_2 - 70.0) / 70.0)
-        into_branch = np.where(self.viscous, (P_2 - V_b / (0.7 * C_a)) * 0.7 * C_a / self.tau, 0.0)
-        elastic = np.where(self.viscous, 0.3, 1.0) * C_a
+        return R_2, back, C_a, P_m
+
+    def wall(self, C_a: np.ndarray, P_2: np.ndarray, V_b: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Flow into the wall's viscous branch, and the compliance that is left elastic."""
+        into = np.where(self.viscous, (P_2 - V_b / (0.7 * C_a)) * 0.7 * C_a / self.tau, 0.0)
+        return into, np.where(self.viscous, 0.3, 1.0) * C_a
+
+    def accelerated(self, P_in: np.ndarray, P_0: np.ndarray, Q_L: np.ndarray) -> np.ndarray:
+        """Rate of change of the flow through an ostium with inertance."""
+        rate = (P_in - P_0 - self.R_seen * Q_L) / np.maximum(self.L, 1e-3)
+        return np.where(self.has_L, rate, 0.0)
+
+    def rate(self, phase: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rate of change of P_0, P_2, Q_L, branch volume, y; and the flow."""
+        P_0, P_2, Q_L, V_b, y = x
+        P_in = self.inlet(phase)
+        Q = self.flow(P_in, P_0, Q_L)
+        R_2, back, C_a, P_m = self.bed(phase, P_2)
+        into_branch, elastic = self.wall(C_a, P_2, V_b)
+        P_3 = y + P_m
+        through = (P_2 - P_3) / R_2
+        arriving = (P_0 - P_2) / self.R_1 + self.G * (P_in - P_2)
         return np.stack(
             [
                 (Q - (P_0 - P_2) / self.R_1) / self.C_0,
                 (arriving - through - into_branch) / elastic,
-                (through - drain) / self.C_im,
-                np.where(
-                    self.has_L, (P_in - P_0 - self.R_seen * Q_L) / np.maximum(self.L, 1e-3), 0.0
-                ),
+                self.accelerated(P_in, P_0, Q_L),
                 into_branch,
+                (through - (P_3 - back) / self.R_3) / self.C_im,
             ]
         ), Q
 
-    def run(self) -> dict[str, np.ndarray]:
-        """Samples of the last beat: true aortic and distal pressure, and flow."""
+    def start(self) -> np.ndarray:
+        """First states, of size in the order of `rate`."""
         mean = 0.6 * self.v["P_diastolic"] + 0.4 * self.v["P_systolic"]
-        x = np.stack([0.9 * mean, 0.8 * mean, 0.5 * mean, np.zeros(self.n), np.zeros(self.n)])
-        x[4] = np.where(self.viscous, 0.7 * self.C_a * x[1], 0.0)
-        h, one = self.v["period"] / STEPS, np.ones(self.n)
-        at = np.round(np.arange(SAMPLED) * STEPS / SAMPLED).astype(int)
-        kept: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        for beat in range(BEATS):
-            total = np.zeros(self.n)
-            for k in range(STEPS):
-                p = k / STEPS * one
-                k1, Q = self.rate(p, x)
-                if beat == BEATS - 1 and k in self._wanted(at):
-                    kept[k] = (x[0].copy(), Q.copy())
-                total += x[1]
-                half = p + 0.5 / STEPS
-                k2, _ = self.rate(half, x + 0.5 * h * k1)
-                k3, _ = self.rate(half, x + 0.5 * h * k2)
-                k4, _ = self.rate(p + 1.0 / STEPS, x + h * k3)
-                x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-            self.mean_2 = total / STEPS
-        phases = at / STEPS
-        P_in = np.stack([self.inlet(p * one) for p in phases], axis=-1)
-        P_0 = np.stack([kept[k][0] for k in at], axis=-1)
-        Q = np.stack([kept[k][1] for k in at], axis=-1)
-        if not (np.isfinite(P_0).all() and np.isfinite(Q).all()):
-            raise RuntimeError("The march went unstable: raise STEPS.")
-        return {"P_aorta": P_in, "P_distal": P_0, "Q": Q}
+        V_b = np.where(self.viscous, 0.7 * self.C_a * 0.8 * mean, 0.0)
+        return np.stack([0.9 * mean, 0.8 * mean, np.zeros(self.n), V_b, 0.5 * mean])
 
-    def _wanted(self, at: np.ndarray) -> frozenset[int]:
-        if not hasattr(self, "_set"):
-            self._set = frozenset(at.tolist())
-        return self._set
+
+def march(system: Any, plain: March) -> dict[str, np.ndarray]:
+    """Samples of the last beat: true aortic and distal pressure, and flow.
+
+    Args:
+        system: has `start` and `rate`; states begin with P_0 and P_2.
+        plain: the lanes' parameters, which the system shares.
+    """
+    x = system.start()
+    h, one = plain.v["period"] / STEPS, np.ones(plain.n)
+    at = np.round(np.arange(SAMPLED) * STEPS / SAMPLED).astype(int)
+    wanted = frozenset(at.tolist())
+    kept: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    for beat in range(BEATS):
+        total = np.zeros(plain.n)
+        for k in range(STEPS):
+            p = k / STEPS * one
+            k1, Q = system.rate(p, x)
+            if beat == BEATS - 1 and k in wanted:
+                kept[k] = (x[0].copy(), Q.copy())
+            total += x[1]
+            half = p + 0.5 / STEPS
+            k2, _ = system.rate(half, x + 0.5 * h * k1)
+            k3, _ = system.rate(half, x + 0.5 * h * k2)
+            k4, _ = system.rate(p + 1.0 / STEPS, x + h * k3)
+            x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        plain.mean_2 = total / STEPS
+    P_in = np.stack([plain.inlet(k / STEPS * one) for k in at], axis=-1)
+    P_0, Q = (np.stack([kept[k][part] for k in at], axis=-1) for part in (0, 1))
+    if not (np.isfinite(P_0).all() and np.isfinite(Q).all()):
+        raise RuntimeError("The march went unstable: raise STEPS.")
+    return {"P_aorta": P_in, "P_distal": P_0, "Q": Q}
+
+
+def one_layer(lanes: Lanes) -> dict[str, np.ndarray]:
+    """Tier 1: the topology of the diagnosis, other equations."""
+    plain = March(lanes)
+    return march(plain, plain)

@@ -7,10 +7,13 @@ The exact solutions are written out by hand from the equations and share no code
 | `elasticity` | stresses of the materials | derivatives of stored energies |
 | `ethier_steinman` | unsteady flow in a box | Ethier & Steinman 1994 |
 | `rigid_tube` | steady and oscillating flow | Poiseuille, `womersley` |
+| `channel_cylinder` | steady flow past a cylinder | drag of DFG 3D-1Z |
+| `nozzle` | a nozzle and a sudden expansion | loss measured by the FDA's laboratories |
 | `windkessel_tube` | a rigid tube into a Windkessel | closed form; histories of other codes |
 | `elastic_tube` | sinusoidal wave in an elastic tube | `womersley.wave_number` |
 | `tube_wave` | a pulse in an elastic tube | fields and displacement of other codes |
 | `walls` | bending strip, squeezed ring, thick tube | converged solutions, Lame |
+| `prestressed_pipe` | a pipe that carries a pressure undeformed | Lamé |
 | `coupled_tube` | a small tube with everything | `volume_balance`, `derivatives` |
 """
 

@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from calibration import systemic_windkessel
+from calibration import characteristic_impedance, systemic_windkessel
 from lumped import L_PER_MIN, MMHG
 
 
@@ -49,3 +49,13 @@ def test_derivative_matches_central_differences():
     central = (resistance(75.0 + h) - resistance(75.0 - h)) / (2.0 * h)
     # truncation (h/q)² = 2e-10, round-off 1e-16 q/h
     assert float(jax.grad(resistance)(75.0)) == pytest.approx(float(central), rel=1e-8)
+
+
+def test_impedance_is_that_of_a_line_of_inertance_and_compliance():
+    """Z = √(L'/C') with L' = ρ/A, C' = dA/dP = 2 A r (1 − ν²)/(E h) per length."""
+    area, rho, E, nu, share = 5.0, 1.06, 4e6, 0.45, 0.1
+    compliance = 2.0 * area * (1.0 - nu**2) / (E * share)
+    Z = characteristic_impedance(area, rho, E, nu, share)
+    assert float(Z) == pytest.approx((rho / area / compliance) ** 0.5, rel=1e-14)
+    slope = jax.grad(characteristic_impedance, argnums=2)(area, rho, E, nu, share)
+    assert float(slope) == pytest.approx(float(Z) / (2.0 * E), rel=1e-12)

@@ -4,12 +4,12 @@ import pytest
 
 from diagnosis import CATALOGUE, diagnose, measured, noise_of, stacked
 from diagnosis.cohort import pool
-from diagnosis.evidence import Whitened, posterior
+from diagnosis.evidence import Whitened, log_moment, posterior
 from diagnosis.hypothesis import linearise, numbers_of, score_scan
 from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.shrink import fitted_gap, held_out_gap
 from diagnosis.verdict import is_closed, probabilities_of
-from diagnosis.where import joint_map, place_shares, rest_map
+from diagnosis.where import forcing_shares, joint_map, place_probabilities, rest_map
 from tests.diagnosis.records import NAMES, synthetic
 
 CAUSES = (
@@ -75,8 +75,11 @@ def test_maps_point_to_the_condition_and_to_the_model(found):
     assert after_rest.blocks[0].condition in (1, 2)  # vasodilation acts under stress alone
     assert joint_map(found[3]).p_value > 0.01
     assert joint_map(found[1]).p_value < 0.01
-    shares = place_shares(found[2])
-    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-12)
+    for diagnosis, place in zip(found[:3], ("microvasculature", "ostium", "sensor"), strict=True):
+        at = place_probabilities(diagnosis)
+        assert sum(at.values()) == pytest.approx(1.0, abs=1e-12)
+        assert at[place] > 0.8
+    assert sum(forcing_shares(found[2]).values()) == pytest.approx(1.0, abs=1e-12)
 
 
 def test_aliases_and_next_measurements_are_consistent(found):
@@ -100,9 +103,22 @@ def test_score_scan_agrees_with_the_exact_linear_evidence(found):
     for k in (4, 15, 18):
         sided = jnp.zeros(J.shape[-1] + 1).at[-1].set(numbers.one_sided[k])
         joined = Whitened(e, jnp.concatenate([J, G[..., k : k + 1]], axis=-1))
-        exact = posterior(joined, None, sided).log_evidence - alone
+        after = posterior(joined, None, sided)
+        moment = log_moment(after.mean[-1:], after.covariance[-1:, -1], sided[-1:])[0]
+        exact = after.log_evidence - alone + moment
         # the same linear-Gaussian integral done in two ways
         assert float(scan[k]) == pytest.approx(float(exact), rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("mean", [-12.0, -3.0, -0.2, 0.0, 2.5])
+def test_moment_of_a_one_sided_size_matches_quadrature(mean):
+    x = np.linspace(0.0, 12.0, 400_001)
+    density = np.exp(-0.5 * (x - mean) ** 2 + 0.5 * min(mean, 0.0) ** 2)
+    exact = np.log(np.sum(x**2 * density) / np.sum(density))
+    found = log_moment(jnp.array([mean] * 2), jnp.ones(2), jnp.array([1.0, 0.0]))
+    # step of the quadrature; far below zero the leading term of the series
+    assert float(found[0]) == pytest.approx(exact, abs=0.1 if mean < -6.0 else 1e-4)
+    assert float(found[1]) == pytest.approx(np.log(mean**2 + 1.0), rel=1e-12, abs=1e-12)
 
 
 def test_evidence_with_columns_matches_the_dense_gaussian():

@@ -1,10 +1,12 @@
 """One run of the demo case through the command line, shared by all tests that look at it."""
 
 import contextlib
+import importlib.util
 import io
 import json
 import os
 import pathlib
+import types
 from typing import Any, NamedTuple
 
 import pytest
@@ -50,6 +52,18 @@ def run_command(*arguments: object, folder: pathlib.Path | None = None) -> Outco
 def command():
     """Runs a command in this process."""
     return run_command
+
+
+@pytest.fixture(scope="session")
+def tube() -> types.ModuleType:
+    """The module `tube_case`."""
+    path = pathlib.Path(__file__).with_name("tube_case.py")
+    spec = importlib.util.spec_from_file_location("tube_case", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

@@ -117,6 +117,15 @@ def test_folder_without_cases_is_refused(tmp_path, command):
     assert not (tmp_path / "out").exists()
 
 
+def test_drugs_apart_change_adenosine_alone():
+    alike, apart = patients()[0], patients("apart")[0]
+    for name in ("rest", "dobutamine"):
+        assert alike["conditions"][name] == apart["conditions"][name]
+    # a bed that is not dilated passes less flow: the ratio does not fall
+    assert apart["conditions"]["adenosine"]["exact"] > alike["conditions"]["adenosine"]["exact"]
+    assert apart["conditions"]["adenosine"]["exact"] > apart["conditions"]["rest"]["exact"] - 0.01
+
+
 def test_virtual_cohort_is_what_its_script_makes():
     made = patients()
     assert [p["side"] for p in made].count("left") == 3

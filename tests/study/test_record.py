@@ -1,9 +1,17 @@
+import json
+import math
+from collections import defaultdict
+
 import numpy as np
 import pytest
 
+from diagnosis import diagnose, measured, noise_of, stacked
+from study.diagnosis_run import with_case
 from study.faults import CaseError
 from study.record_file import read_record, record_files
+from study.results import FORMAT
 from tests.diagnosis.records import synthetic
+from tests.study.damage import damaged
 
 
 @pytest.fixture(scope="module")
@@ -72,14 +80,54 @@ def test_a_record_without_rest_is_read_with_a_remark(tmp_path, files):
 
 def test_random_damage_never_crashes(tmp_path, files):
     rng = np.random.default_rng(5)
-    names = list(files)
+    refused = 0
     for k in range(200):
-        name = names[int(rng.integers(len(names)))]
-        text = list(files[name])
-        for _ in range(int(rng.integers(1, 6))):
-            at = int(rng.integers(len(text)))
-            text[at] = str(rng.choice(list('0.-,=\n[]x" ')))
         try:
-            read_record(write(tmp_path / "r", {**files, name: "".join(text)}))
+            read_record(write(tmp_path / f"r{k}", damaged(rng, files)))
         except CaseError as refusal:
             assert "try:" in str(refusal), k  # noqa: PT017
+            refused += 1
+    assert 60 < refused < 200
+
+
+@pytest.mark.slow
+def test_damaged_records_that_are_accepted_are_diagnosed(tmp_path, files):
+    rng = np.random.default_rng(5)
+    groups = defaultdict(list)
+    for k in range(200):
+        try:
+            record, _ = read_record(write(tmp_path / f"r{k}", damaged(rng, files)))
+        except CaseError:
+            continue
+        one = measured(record)
+        groups[one.n_conditions, one.n_sensors].append(one)
+    for records in groups.values():
+        for found in diagnose(stacked(records)):
+            p = found.judgement.probabilities
+            assert sum(p.values()) == pytest.approx(1.0, abs=1e-9)
+            assert all(math.isfinite(v) for v in found.log_B.values())
+
+
+def test_a_stated_offset_is_used(tmp_path, files):
+    toml = files["record.toml"].replace("[noise]", "[noise]\npressure_offset_sd_mmHg = 0.2", 1)
+    record, _ = read_record(write(tmp_path / "r", {**files, "record.toml": toml}))
+    assert noise_of(record).offset_sd == pytest.approx(0.2)
+
+
+def test_R0_comes_from_the_ramp_of_a_finished_study(tmp_path, files):
+    record, _ = read_record(write(tmp_path / "r", files))
+    rest = record.conditions[0].beats
+    drop = float(rest["P_aorta"].mean() - rest["P_distal"].mean())
+    unit = 1333.22
+    ramp = {"a": 2.0 * unit, "b": 1.5 * unit, "tangent_40_mmHg": 15.6 * unit}
+    document = {"format": FORMAT, "kind": "study", "ramp": ramp}
+    (tmp_path / "study.json").write_text(json.dumps(document))
+    changed, remark = with_case(record, tmp_path)
+    Q = drop / changed.R0
+    # the secant of ΔP = 2 Q + 1.5 Q² at the measured drop; the unit of mmHg has five digits
+    assert 2.0 * Q + 1.5 * Q**2 == pytest.approx(drop, rel=1e-5)
+    assert "secant" in remark
+    del document["ramp"]
+    (tmp_path / "study.json").write_text(json.dumps(document))
+    with pytest.raises(CaseError, match="no study with a ramp"):
+        with_case(record, tmp_path)

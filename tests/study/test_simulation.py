@@ -16,6 +16,7 @@ from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from lumped import MMHG
 from study import read_case
+from study.case import WindkesselParameters
 from study.simulation_case import check_simulation, plan_steps, prepare_simulation
 
 CASE = """\
@@ -214,6 +215,21 @@ def test_blocks_start_in_the_periodic_state(case_file):
     # half of (2 P_diastolic + P_systolic)/3 / CO at rest
     R_stress = setup.outlets.blocks["aorta_outlet"].R_distal
     assert float(R_stress) == pytest.approx(0.5 * (130.0 + 110.0) / 3.0 * MMHG / 75.0)
+
+
+def test_impedance_in_series_keeps_the_whole_resistance(case_file):
+    case = read_case(case_file)
+    wall = dataclasses.replace(case.wall, E=1e5)  # the impedance stays below half of the whole
+    case = dataclasses.replace(case, wall=wall, windkessel=WindkesselParameters("impedance"))
+    mesh, found = _three_openings(0), {}
+    for condition in ("rest", "exercise"):
+        setup = prepare_simulation(case, mesh, condition, plan_steps(case, condition), rigid=True)
+        found[condition] = setup.outlets.blocks["aorta_outlet"]
+    total = (130.0 + 110.0) / 3.0 * MMHG / 75.0
+    for block, share in ((found["rest"], 1.0), (found["exercise"], 0.5)):
+        assert float(block.R_proximal + block.R_distal) == pytest.approx(share * total)
+    assert float(found["rest"].R_proximal) == pytest.approx(float(found["exercise"].R_proximal))
+    assert 20.0 < float(found["rest"].R_proximal) < 0.5 * total
 
 
 @pytest.mark.parametrize(

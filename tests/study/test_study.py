@@ -4,7 +4,6 @@ The stand-in is a 0D artery with a loss that no surrogate of the study has; ever
 march is real (mesh, prestress, blocks, calibration in the loop, document, page).
 """
 
-import dataclasses
 import json
 
 import jax
@@ -14,53 +13,12 @@ import pytest
 import study.fsi_bench as fsi_bench
 import study.mesh_case as mesh_case
 from calibration import RATIO_TOLERANCE
-from jaxfsi.mesh_files import write_mesh
-from jaxfsi.meshing import tube
 from jaxfsi.simulation import Record
 from lumped import MMHG, PressureSource, Shooting, Vessel, connect, solve_periodic
 from study.simulation_run import Outcome
 
-CASE = """\
-[patient]
-id = "tube"
-[anatomy]
-kind = "mesh"
-path = "tube.vtu"
-unit = "cm"
-[condition.rest]
-P_systolic_mmHg = 110.0
-P_diastolic_mmHg = 65.0
-period_s = 0.80
-cardiac_output_l_per_min = 4.5
-ffr = {ffr}
-[condition.exercise]
-P_systolic_mmHg = {systolic}
-P_diastolic_mmHg = 70.0
-period_s = 0.45
-[solver]
-dt_s = 2.0e-3
-"""
-
 A, B = 500.0, 1200.0  # of the ramp
 MORE = 1.25  # the loss of a beating artery over that of the ramp
-
-
-def _three_openings():
-    """A tube whose outlet is one half aorta, one half anomalous artery."""
-    mesh = tube(radius=1.0, length=3.0, thickness=0.2, n_around=10, n_axial=5, n_layers=1)
-    names = ["aorta_inlet", "aorta_outlet", "anomalous_outlet", "interface", "outer_wall"]
-    names += [f"{name}_ring" for name in names[:3]]
-    new = {"inlet": "aorta_inlet", "outlet": "aorta_outlet"}
-    label = np.zeros(len(mesh.faces), np.int64)
-    side = mesh.points[mesh.faces].mean(axis=1)[:, 0] < 0.0
-    for k, old in enumerate(mesh.label_names):
-        stem = old.removesuffix("_ring")
-        name = new.get(stem, stem) + old[len(stem) :]
-        label[mesh.face_label == k] = names.index(name)
-        if stem == "outlet":
-            other = name.replace("aorta", "anomalous")
-            label[(mesh.face_label == k) & side] = names.index(other)
-    return dataclasses.replace(mesh, face_label=label, label_names=tuple(names))
 
 
 def _record(t, P_aorta, P_distal, Q, names):
@@ -118,21 +76,27 @@ def march():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, tube):
     folder = tmp_path_factory.mktemp("tube")
-    write_mesh(folder / "tube.vtu", _three_openings(), unit="cm")
+    tube.write_case(folder)
     return folder
 
 
-def _study(command, folder, out, march, *options, ffr=0.91, systolic=130.0):
-    (folder / "case.toml").write_text(CASE.format(ffr=ffr, systolic=systolic))
-    march.folders.clear()
-    return command("study", folder / "case.toml", "--json", *options, folder=folder / out)
+@pytest.fixture(scope="module")
+def run(folder, command, march, tube):
+    """Runs the study into a folder of its own beside the case."""
+
+    def study(out, *options, ffr=0.91, systolic=130.0):
+        case = tube.write_case(folder, ffr=ffr, systolic=systolic)
+        march.folders.clear()
+        return command("study", case, "--json", *options, folder=folder / out)
+
+    return study
 
 
 @pytest.fixture(scope="module")
-def outcome(folder, command, march):
-    found = _study(command, folder, "out", march, "--rules", "printed,all", "--nominal")
+def outcome(run, march):
+    found = run("out", "--rules", "printed,all", "--nominal")
     assert found.status == 0, found.stderr
     return found._replace(stderr=" ".join(march.folders))
 
@@ -175,37 +139,35 @@ def test_every_run_is_made_once_and_shown(outcome):
 
 
 @pytest.mark.slow
-def test_again_computes_nothing(outcome, folder, command, march):
-    again = _study(command, folder, "out", march, "--rules", "printed,all", "--nominal")
+def test_again_computes_nothing(outcome, run, march):
+    again = run("out", "--rules", "printed,all", "--nominal")
     assert march.folders == []
     for part in ("ramp", "loop", "rows", "runs"):
         assert again.json[part] == outcome.json[part], part
 
 
 @pytest.mark.slow
-def test_changed_input_computes_only_what_follows_from_it(outcome, folder, command, march):
+def test_changed_input_computes_only_what_follows_from_it(outcome, run, march):
     """Another systolic pressure under stress: the runs at rest and the ramp stay."""
-    found = _study(
-        command, folder, "out", march, "--rules", "printed,all", "--nominal", systolic=140.0
-    )
+    found = run("out", "--rules", "printed,all", "--nominal", systolic=140.0)
     assert found.status == 0, found.stderr
     assert march.folders
     assert all("exercise" in name for name in march.folders)
-    _study(command, folder, "out", march, "--rules", "printed", ffr=0.93)
+    run("out", "--rules", "printed", ffr=0.93)
     assert "ramp" not in march.folders
     assert "curve-rest" in march.folders
 
 
 @pytest.mark.slow
-def test_killed_study_ends_with_the_same_numbers(outcome, folder, command, march):
+def test_interrupted_study_ends_with_the_same_numbers(outcome, folder, run, march):
     options = ("--rules", "printed,all", "--nominal")
     for place in ("curve-rest", "nominal-exercise-all"):
         march.stop_in = place
-        ended = _study(command, folder, "killed", march, *options)
+        ended = run("killed", *options)
         assert ended.status == 130
         assert not (folder / "killed/study.json").exists()
     march.stop_in = None
-    whole = _study(command, folder, "killed", march, *options)
+    whole = run("killed", *options)
     assert march.folders == ["nominal-exercise-all"]
     for part in ("ramp", "loop", "rows", "runs"):
         assert whole.json[part] == outcome.json[part], part
@@ -227,8 +189,8 @@ def test_unknown_rule_and_condition_are_refused(folder, command, tmp_path, march
 
 
 @pytest.mark.slow
-def test_continued_run_keeps_pressures(folder, command, march):
+def test_continued_run_keeps_pressures(run):
     """Under stress the march starts from the states at the end of rest."""
-    found = _study(command, folder, "continued", march, "--continued", "--cycles", "2")
+    found = run("continued", "--continued", "--cycles", "2")
     assert found.status == 0, found.stderr
     assert json.loads(found.stdout)["runs"][0]["ratio_change"] is not None

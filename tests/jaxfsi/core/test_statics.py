@@ -3,7 +3,6 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
 
 from jaxfsi.core.materials import NeoHookean
@@ -86,9 +85,7 @@ def test_equilibrium_of_a_large_deformation_is_found_and_differentiated(vessel):
 def test_prestressed_wall_carries_its_pressure_undeformed(vessel):
     model, loads, factor = vessel
     found = prestressed(model, loads, factor)
-    assert float(jnp.max(jnp.abs(found.d))) < 1e-4 * 0.2
-    residuals = np.asarray(found.residuals)
-    assert np.all(residuals[1:4] < 0.5 * residuals[:3])
+    assert float(jnp.max(jnp.abs(found.d))) < 1e-8 * 0.2
     assert found.model.prestress is not None
     hoop = float(jnp.mean(jnp.trace(found.model.prestress)))
     assert hoop > 1.333e5

@@ -1,0 +1,51 @@
+"""Cohorts whose patients share one cause: what poor records say when they are pooled."""
+
+import pathlib
+
+from benchmarks.blind.cases import Cases, seal
+from benchmarks.blind.truth import RANGES
+from diagnosis import diagnose, measured, stacked
+from diagnosis.cohort import pool
+from study.cache import use_cache
+from study.record_file import read_record
+
+NULLS = 3
+"""Cohorts without any effect."""
+
+
+def pool_cohorts(folder: pathlib.Path, seed: int, patients: int, richness: str) -> str:
+    """Pooled verdict on one cohort for every effect and some without, as a Markdown table.
+
+    A signed effect has one sign within a cohort: what patients share is a cause, not an error.
+
+    Args:
+        folder: where the records are written.
+        seed: of the cases.
+        patients: in each cohort.
+        richness: what is used of each record.
+    """
+    use_cache()
+    causes: list[str | None] = [*RANGES, *[None] * NULLS]
+    effects = [cause for cause in causes for _ in range(patients)]
+    cases = Cases(seed, len(effects), effects=effects)
+    cases.write(folder / "noise-0.5", 0.5)
+    seal(folder, cases.labels)
+    places = sorted((folder / "noise-0.5").iterdir())
+    found = diagnose(stacked([measured(read_record(p)[0], richness) for p in places]))
+    lines = [
+        f"{richness}, {patients} patients a cohort, seed {seed}", "",
+        "| cause | alone: named (rightly) | pooled verdict | probability of the cause | of none |",
+        "|---|---|---|---|---|",
+    ]  # fmt: skip
+    for k, cause in enumerate(causes):
+        group = found[k * patients : (k + 1) * patients]
+        pooled = pool(group)
+        named = [d.judgement.named for d in group if d.judgement.verdict == "named"]
+        right = sum(names == (cause,) for names in named)
+        chance = "-" if cause is None else f"{pooled.probabilities[cause]:.3f}"
+        said = pooled.verdict + (f": {', '.join(pooled.named)}" if pooled.named else "")
+        lines.append(
+            f"| {cause or 'none'} | {len(named)} ({right}) | {said} | {chance} | "
+            f"{pooled.probabilities['none']:.3f} |"
+        )
+    return "\n".join(lines)

@@ -1,0 +1,137 @@
+"""Probabilities checked by importance sampling, without the linear-Gaussian approximation.
+
+Draws come from a Student t about each optimum with the covariance found there. With weights
+w = likelihood × prior / density of the draw, the mean weight is the evidence, for any shape of the
+posterior; the effective number Σ(w)²/Σ(w²) says how far it can be trusted. The prior is the moment
+prior itself and one-sided sizes are positive; the form tolerance is that of the optimum.
+
+Source: Robert & Casella 2004, Monte Carlo Statistical Methods, section 3.3.
+"""
+
+import pathlib
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import gammaln, logsumexp
+from jaxtyping import Array, Float, Int, PRNGKeyArray
+
+from diagnosis import CATALOGUE, Diagnosis, Effect, diagnose, measured, stacked
+from diagnosis.effects import size_of
+from diagnosis.hypothesis import Catalogue, form_uncertainty, numbers_of
+from diagnosis.measured import Measured, data_of, weights
+from diagnosis.prediction import OWN, Situation, as_data, predict, selection, situations
+from diagnosis.verdict import PRIOR, Hypothesis, key_of
+from study.cache import use_cache
+from study.record_file import read_record
+
+DRAWS, CHUNK = 4096, 256
+FREEDOM, WIDTH = 6.0, 1.15
+"""Degrees of freedom of the draws, and their width over the posterior's."""
+
+SHOWN = 3
+"""Hypotheses compared in each record, the likeliest ones."""
+
+
+@partial(jax.jit, static_argnames=("effects", "nonlinear"))
+def _sampled(
+    record: Measured,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    numbers: Catalogue,
+    key: PRNGKeyArray,
+    *,
+    effects: tuple[Effect, ...],
+    nonlinear: bool,
+) -> tuple[Array, Array]:
+    """Ln Z of a hypothesis and the effective number of draws."""
+    W, data, cases = weights(record), data_of(record), situations(record)
+    chooser = jnp.asarray(selection(record.n_conditions, 2))
+    chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
+    F = form_uncertainty(record, effects, numbers, pair, x, nonlinear=nonlinear)
+    factor = jnp.linalg.cholesky(jnp.eye(F.shape[1])[None] + jnp.einsum("cdm,cem->cde", F, F))
+
+    def residual(x: Array) -> Array:
+        """Residuals in units of noise and form tolerance together."""
+
+        def one(W: Array, data: Array, case: Situation, own: Array, factor: Array) -> Array:
+            sizes = size_of(numbers.sd, numbers.one_sided, own[OWN:] @ chosen)
+            beat = predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear)
+            r = W * (data - as_data(beat, record.n_sensors))
+            return jax.scipy.linalg.solve_triangular(factor, r, lower=True)
+
+        return jax.vmap(one)(W, data, cases, chooser @ x, factor).reshape(-1)
+
+    k = x.shape[0]
+    J = jax.jacfwd(residual)(x)
+    precision = jnp.eye(k) + J.T @ J
+    root = jnp.linalg.cholesky(precision)
+    a, b = jax.random.split(key)
+    z = jax.random.normal(a, (DRAWS, k))
+    stretch = WIDTH * jnp.sqrt(FREEDOM / jax.random.chisquare(b, FREEDOM, (DRAWS, 1)))
+    step = stretch * jax.scipy.linalg.solve_triangular(root.T, z.T).T
+    draws = x[None] + step
+    log_half = jnp.sum(jnp.log(jnp.diag(root))) - k * jnp.log(WIDTH)
+    distance = jnp.sum((step @ root) ** 2, axis=1) / WIDTH**2
+    log_q = (
+        gammaln(0.5 * (FREEDOM + k)) - gammaln(0.5 * FREEDOM)
+        - 0.5 * k * jnp.log(FREEDOM * jnp.pi) + log_half
+        - 0.5 * (FREEDOM + k) * jnp.log1p(distance / FREEDOM)
+    )  # fmt: skip
+    squares = jax.lax.map(lambda x: jnp.sum(residual(x) ** 2), draws, batch_size=CHUNK)
+    log_volume = jnp.sum(jnp.log(jnp.diagonal(factor, axis1=1, axis2=2)))
+    log_p = -0.5 * squares - log_volume - 0.5 * jnp.sum(draws**2, axis=1)
+    log_p = log_p - 0.5 * k * jnp.log(2.0 * jnp.pi)
+    used, sided = pair >= 0, chosen @ numbers.one_sided
+    size = draws[:, -2:]
+    moment = jnp.log(size**2) + jnp.where(sided > 0.5, jnp.log(2.0), 0.0)[None]
+    moment = jnp.where((sided[None] > 0.5) & (size < 0.0), -jnp.inf, moment)
+    log_w = log_p + jnp.sum(jnp.where(used[None], moment, 0.0), axis=1) - log_q
+    log_w = jnp.where(jnp.isnan(log_w), -jnp.inf, log_w)
+    effective = jnp.exp(2.0 * logsumexp(log_w) - logsumexp(2.0 * log_w))
+    return logsumexp(log_w) - jnp.log(DRAWS), effective
+
+
+def sampled_log_evidence(
+    diagnosis: Diagnosis, hypothesis: Hypothesis, *, seed: int = 0
+) -> tuple[float, float]:
+    """Ln Z of a fitted hypothesis by importance sampling, and the effective number of draws."""
+    names = [effect.id for effect in diagnosis.effects]
+    at = [names.index(name) for name in hypothesis]
+    pair = jnp.asarray(np.array(at + [-1] * (2 - len(at))))
+    bent = any(diagnosis.effects[k].nonlinear for k in at)
+    found = _sampled(
+        diagnosis.record, pair, jnp.asarray(np.asarray(diagnosis.fits[hypothesis].x)),
+        numbers_of(diagnosis.effects), jax.random.key(seed),
+        effects=diagnosis.effects, nonlinear=bent,
+    )  # fmt: skip
+    return float(found[0]), float(found[1])
+
+
+def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:
+    """Probabilities among the likeliest hypotheses of some records, as a Markdown table."""
+    use_cache()
+    places = sorted(folder.iterdir())[:count]
+    batch = stacked([measured(read_record(place)[0], richness) for place in places])
+    n = len(CATALOGUE)
+    prior = {0: PRIOR["none"], 1: PRIOR["single"] / n, 2: PRIOR["pair"] / (n * (n - 1) / 2)}
+    lines = ["| record | hypotheses | probabilities | by sampling | draws that count |",
+             "|---|---|---|---|---|"]  # fmt: skip
+    worst = []
+    for place, d in zip(places, diagnose(batch), strict=True):
+        p = d.judgement.probabilities
+        ranked = sorted(d.fits, key=lambda h: -p[key_of(h)])[:SHOWN]
+        stated = np.array([p[key_of(h)] for h in ranked])
+        stated /= stated.sum()
+        found = [sampled_log_evidence(d, h) for h in ranked]
+        logs = np.array([f[0] + np.log(prior[len(h)]) for f, h in zip(found, ranked, strict=True)])
+        sampled = np.exp(logs - logsumexp(logs))
+        worst.append(float(np.abs(sampled - stated).max()))
+        lines.append(
+            f"| {place.name} | {', '.join(key_of(h) for h in ranked)} | "
+            f"{', '.join(f'{v:.3f}' for v in stated)} | "
+            f"{', '.join(f'{v:.3f}' for v in sampled)} | {min(f[1] for f in found):.0f} |"
+        )
+    lines += ["", f"largest difference: median {np.median(worst):.3f}, maximum {max(worst):.3f}"]
+    return "\n".join(lines)

@@ -1,0 +1,136 @@
+"""Derivatives of stress FFR in 3D against runs with another wall and another lumen.
+
+The bundled patient's coarse mesh under dobutamine, the first 30 steps of 2 ms, in which the aortic
+pressure rises (the whole cycle with ``JAXFSI_SENSITIVITY=cycle``), α as its quick study finds it.
+The ratio is that of the means over those steps. One sweep in reverse mode gives its derivative by
+everything; two parameters are then changed in the mesh itself and the whole run is made again,
+prestress included: the thickness of the wall, and a smooth bulge of the lumen at the narrowest
+place of its course.
+"""
+
+import dataclasses
+import os
+import pathlib
+import tempfile
+import time
+from typing import Any
+
+import numpy as np
+
+from calibration.lumen_shape import (
+    LumenSurface,
+    lumen_spread,
+    lumen_surface,
+    thickness_field,
+    vessel_nodes,
+)
+from calibration.ratio_gradient import advance_part
+from jaxfsi.anatomy import Anatomy
+from jaxfsi.meshing import build_mesh
+from study import demo_case_path, read_case
+from study.anatomy_source import case_anatomy, states_of
+from study.aortic_site import aortic_site
+from study.fsi_bench import Bench, RunChoice, RunName, setup_of
+from study.fsi_sensitivity import by_parameters, gradient_stepper, reading_of, swept_gradient
+from study.lumen_motion import VESSEL, artery_planes, lumen_at
+from study.progress import Progress
+from study.simulation_case import Setup
+from study.study_command import QUICK_STEP
+
+_RUN = RunName("sensitivity", "dobutamine", "printed", 0.114)
+_TOLERANCE = 1e-3
+_THICKER = 0.05
+"""Share by which the wall is made thicker and thinner."""
+
+_BULGE, _WIDTH = 0.004, 0.15
+"""Height and half width of the bulge of the lumen [cm]."""
+
+_WINDOW, _CHUNK = 30, 6
+VARIABLE = "JAXFSI_SENSITIVITY"
+"""Environment variable: `cycle` takes the whole cycle, an hour on two cores."""
+
+
+def run(rounds: int) -> dict[str, Any]:
+    """Run the benchmark; it has one round, since nothing is timed twice."""
+    del rounds
+    case = read_case(demo_case_path())
+    case = dataclasses.replace(case, solver=dataclasses.replace(case.solver, tolerance=_TOLERANCE))
+    anatomy = case_anatomy(case, states_of(case)[0])
+    mesh = build_mesh(anatomy, preset="coarse").mesh
+    with tempfile.TemporaryDirectory() as folder, Progress() as progress:
+        place = pathlib.Path(folder)
+        site = aortic_site(mesh, anatomy)
+        bench = Bench(case, mesh, "as it is", place, RunChoice(dt=QUICK_STEP), progress, site)
+        setup = windowed(setup_of(bench, _RUN))
+        begun = time.perf_counter()
+        swept = swept_gradient(case, setup, site, progress=progress)
+        sweep_s = time.perf_counter() - begun
+        relative, nodes = by_parameters(swept, case, _RUN, setup)
+        surface = lumen_surface(mesh)
+        bulge = lumen_spread(mesh, surface)(bulge_of(surface, anatomy, bench))
+        fields = {
+            "thickness of the wall, ±5 %": _THICKER * thickness_field(mesh, surface),
+            "lumen at the narrowest place, ±0.04 mm": bulge,
+        }
+        rows = []
+        for what, field in fields.items():
+            predicted = float(np.sum(nodes * field))
+            begun = time.perf_counter()
+            more, less = (moved_ratio(bench, sign * field, f"{what} {sign}") for sign in (1, -1))
+            found = (more - less) / 2.0
+            rows.append(
+                {
+                    "what": what,
+                    "by_derivative": predicted,
+                    "by_two_runs": found,
+                    "difference": abs(predicted - found) / abs(found),
+                    "curvature": (more + less) / 2.0 - swept.ratio,
+                    "two_runs_s": time.perf_counter() - begun,
+                }
+            )
+    rows += [
+        {"what": f"d log FFR / d log {name}", "by_derivative": v} for name, v in relative.items()
+    ]
+    rows.append({"what": "sweep", "by_derivative": swept.ratio, "two_runs_s": sweep_s})
+    return {
+        "name": "sensitivity",
+        "rows": rows,
+        "notes": [
+            f"{len(mesh.tets)} tetrahedra, {setup.schedule.n_steps} steps of"
+            f" {1e3 * setup.schedule.dt:.3g} ms, tolerance {_TOLERANCE:g}. by_two_runs: half the"
+            " difference of the FFR of two runs; curvature: their mean less the FFR between them."
+        ],
+        "passed": all(row["difference"] < 0.1 for row in rows if "difference" in row),
+    }
+
+
+def windowed(setup: Setup) -> Setup:
+    """The run over the steps that are looked at."""
+    if os.environ.get(VARIABLE) == "cycle":
+        return setup
+    plan = dataclasses.replace(setup.schedule, n_steps=_WINDOW, per_cycle=_WINDOW, per_frame=_CHUNK)
+    return dataclasses.replace(setup, schedule=plan)
+
+
+def bulge_of(surface: LumenSurface, anatomy: Anatomy, bench: Bench) -> np.ndarray:
+    """A smooth shift outwards of the lumen around the narrowest place [cm]."""
+    planes = artery_planes(anatomy)
+    assert planes is not None, "the bundled patient has an axis"
+    area = lumen_at(bench.mesh, planes, np.zeros_like(bench.mesh.points))[0]
+    centre = planes.centre[int(np.nanargmin(area))]
+    chosen = vessel_nodes(surface, anatomy.centerlines[VESSEL].points)
+    height = np.exp(-(np.linalg.norm(surface.points - centre, axis=1) ** 2) / (2.0 * _WIDTH**2))
+    return _BULGE * (height * chosen)[:, None] * surface.normal
+
+
+def moved_ratio(bench: Bench, field: np.ndarray, name: str) -> float:
+    """Ratio of a whole new run whose nodes are moved, in equal steps."""
+    mesh = dataclasses.replace(bench.mesh, points=bench.mesh.points + field)
+    moved = dataclasses.replace(bench, mesh=mesh, mesh_key=name)
+    setup = windowed(setup_of(moved, _RUN))
+    stepper, reading = gradient_stepper(bench.case, setup), reading_of(setup, bench.site)
+    state, sums = setup.state, np.zeros(2)
+    for _ in range(setup.schedule.n_steps // _CHUNK):
+        part = advance_part(setup.model, state, stepper, reading, _CHUNK)
+        state, sums = part.state, sums + np.asarray(part.sums)
+    return float(sums[1] / sums[0])

@@ -1,0 +1,109 @@
+"""A pipe that carries a pressure without having moved: its prestress against Lamé's stresses.
+
+Both ends are held, so that the axial strain is zero, as is all strain. With radii a, b and
+pressure p inside::
+
+    σ_θ, σ_r = p a²/(b² − a²) (1 ± b²/r²),   σ_z = ν (σ_θ + σ_r)
+
+The wall pushes at a stress that is in balance with the pressure, whatever the elements; linear ones
+give its mean through a layer, quadratic ones its course.
+
+Source: Timoshenko & Goodier 1951, eq. 46; mesh and constants are those of the case pipe_prestress
+of the tests of svMultiPhysics.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxfsi.core.elements import corners, geometry, total
+from jaxfsi.core.materials import NeoHookean
+from jaxfsi.core.model import Model, WallElement, build_model
+from jaxfsi.core.prestress import prestressed
+from jaxfsi.core.quadratic import FAR, NEAR
+from jaxfsi.core.solid import Wall, cauchy_stress
+from jaxfsi.core.statics import Loads, pressure_load, static_factor
+from jaxfsi.mesh import INTERFACE, Mesh
+from jaxfsi.verification.figures import Figure, figure
+
+E, NU, PRESSURE = 4e6, 0.49, 80_607.0
+"""Young's modulus [dyn/cm²], Poisson's ratio and the pressure that was imaged [dyn/cm²]."""
+
+
+def lame_stress(
+    r: Float[np.ndarray, " points"], inner: float, outer: float
+) -> Float[np.ndarray, "3 points"]:
+    """Hoop, radial and axial stress at radii r [dyn/cm²]."""
+    level = PRESSURE * inner**2 / (outer**2 - inner**2)
+    spread = level * outer**2 / r**2
+    hoop, radial = level + spread, level - spread
+    return np.stack([hoop, radial, NU * (hoop + radial)])
+
+
+def pipe_figures(mesh: Mesh, wall_element: WallElement) -> Iterator[Figure]:
+    """Displacement that is left, and stresses in the middle half of a pipe along z.
+
+    Args:
+        mesh: the wall of the pipe.
+        wall_element: which element.
+    """
+    wall = Wall(NeoHookean(E, NU))
+    model = build_model(mesh, {}, wall=wall, wall_element=wall_element)
+    loads = Loads((pressure_load(mesh, INTERFACE, PRESSURE, model),))
+    found = prestressed(model, loads, static_factor(model), tolerance=1e-8)
+    radius = np.hypot(*mesh.points[:, :2].T)
+    inner, outer = float(np.min(radius)), float(np.max(radius))
+    name = f"pipe_prestress, {wall_element} elements"
+    left = float(jnp.max(jnp.abs(found.d)))
+    yield figure(name, "displacement that is left, of the radius", left / inner, 0.0, 1e-4)
+    r, share, stress = _middle(found.d, found.model, mesh)
+    exact = lame_stress(r, inner, outer)
+    for label, computed, right in zip(
+        ("hoop", "axial"), stress[[0, 2]], exact[[0, 2]], strict=True
+    ):
+        mean, due = (float(np.average(each, weights=share)) for each in (computed, right))
+        yield figure(name, f"{label} stress, mean [dyn/cm²]", mean, due, 0.01)
+    if wall_element == "quadratic":
+        ends = np.array([inner, outer])
+        line = np.polynomial.Polynomial.fit(r, stress[0], 1, w=np.sqrt(share))
+        for place, value, right in zip(
+            ("inside", "outside"), line(ends), lame_stress(ends, inner, outer)[0], strict=True
+        ):
+            yield figure(name, f"hoop stress {place} [dyn/cm²]", float(value), float(right), 0.01)
+
+
+class _Middle(NamedTuple):
+    """Quadrature points of the middle half: radius, volume and hoop, radial, axial stress."""
+
+    r: Float[np.ndarray, " points"]
+    volume: Float[np.ndarray, " points"]
+    stress: Float[np.ndarray, "3 points"]
+
+
+def _middle(d: Float[Array, "3 nodes"], model: Model, mesh: Mesh) -> _Middle:
+    assert model.wall is not None
+    shape = geometry(model.x, model.solid_tets)
+    stress = np.asarray(cauchy_stress(d, model.wall, model.element, shape, model.prestress))
+    n_points = stress.shape[2]
+    places = []
+    for x in model.x:
+        corner = corners(x, model.solid_tets)
+        whole = np.asarray(total(corner))
+        if n_points == 1:
+            places.append([whole / 4.0])
+        else:
+            places.append([FAR * whole + (NEAR - FAR) * np.asarray(c) for c in corner])
+    x, y, z = np.array(places)
+    r = np.hypot(x, y)
+    radial = np.stack([x / r, y / r])
+    hoop = np.stack([-y / r, x / r])
+    plane = stress[:2, :2]
+    along = [np.einsum("igt,ijgt,jgt->gt", n, plane, n) for n in (hoop, radial)]
+    along.append(stress[2, 2])
+    low, high = np.quantile(mesh.points[:, 2], [0.25, 0.75])
+    here = (z > low) & (z < high)
+    volume = np.broadcast_to(np.asarray(shape.volume), r.shape)
+    return _Middle(r[here], volume[here], np.stack([component[here] for component in along]))

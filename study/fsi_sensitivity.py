@@ -10,7 +10,7 @@ two are multiplied::
 |---|---|
 | alpha, stress factors, pressures | boundary blocks, their periodic start, aortic pressure |
 | E, nu, density and viscosity of the blood | the model |
-| pressure in the image | the prestress of the wall, differentiated through its fixed point |
+| pressure in the image | the prestress of the wall, see `jaxfsi.core.prestress` |
 | thickness | the outside of the wall, shifted along its normal; the prestress with it |
 | lumen | all nodes, see `calibration.lumen_shape`; the prestress with them |
 

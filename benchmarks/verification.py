@@ -79,7 +79,7 @@ def rigid() -> Iterator[Figure]:
     """Poiseuille's and Womersley's flow."""
     steady = rigid_tube.RigidTube(mean=0.05, length=3.0)
     wave = rigid_tube.RigidTube(amplitude=1.0, length=3.0)
-    mesh = round_tube(radius=0.5, length=3.0, n_around=40, n_axial=18, n_rings=12)
+    mesh = round_tube(radius=0.5, length=3.0, n_around=48, n_axial=24, n_rings=14)
     for name, errors in (
         ("Poiseuille", rigid_tube.steady_errors(mesh, steady, n_steps=25)),
         ("Womersley", rigid_tube.oscillating_errors(mesh, wave, n_quarter=25)),

@@ -9,6 +9,7 @@ import pathlib
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
+from lumped.parameters import Parameter
 from study.beat import Beat
 from study.case_anatomy import (
     Anatomy,
@@ -63,7 +64,7 @@ class Condition:
     Attributes:
         name: its name in the file.
         kind: `rest` for the condition named so, `stress` for all others.
-        P_systolic: systolic aortic pressure [dyn/cm²].
+        P_systolic: systolic aortic pressure [dyn/cm²]; an array where it is differentiated.
         P_diastolic: diastolic aortic pressure [dyn/cm²].
         period: length of the cardiac cycle [s].
         cardiac_output: cardiac output [cm³/s], if known.
@@ -76,8 +77,8 @@ class Condition:
 
     name: str
     kind: Literal["rest", "stress"]
-    P_systolic: float
-    P_diastolic: float
+    P_systolic: Parameter
+    P_diastolic: Parameter
     period: float
     cardiac_output: float | None = None
     stroke_volume: float | None = None

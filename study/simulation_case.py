@@ -260,7 +260,7 @@ def prepare_simulation(
 
 def image_pressure(case: Case, condition: str) -> float:
     """Pressure of the blood in the image: diastolic at rest, where the case has one [dyn/cm²]."""
-    return case.conditions.get("rest", case.conditions[condition]).P_diastolic
+    return float(case.conditions.get("rest", case.conditions[condition]).P_diastolic)
 
 
 def aortic_pressure(entry: Condition) -> AbstractWaveform:

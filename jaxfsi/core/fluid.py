@@ -14,8 +14,8 @@ it is 1/(τ_M tr G), which grows like 1/Δt and locks: it asks each linear eleme
 and they have not enough freedom for that. A tube of 13 000 elements widens by 0.0113 cm under a
 pulse with it, 0.0131 without, 0.0155 to 0.0159 being right, and takes more iterations.
 
-Here c, u′ in c*, τ and μ are taken from a state extrapolated to the new time (`Frozen`), so that
-the equations are linear in u, a and p; τ is constant on an element and all integrals are exact.
+Here c, u′ in c*, τ and μ are taken from a known state (`Frozen`), so that the equations are linear
+in u, a and p; τ is constant on an element and all integrals are exact.
 """
 
 from collections.abc import Sequence
@@ -96,7 +96,7 @@ def frozen(
     tets: Int[Array, "4 tets"],
     shape: Geometry,
 ) -> Frozen:
-    """Coefficients of the linearised equations at an extrapolated state."""
+    """Coefficients of the linearised equations at a known state."""
     c = u - u_mesh
     grad = shape.grad
     metric = [

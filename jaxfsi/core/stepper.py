@@ -39,7 +39,7 @@ def prepare(
     rho_infinity: float = 0.5,
     tolerance: float = 1e-3,
     max_linear: int = 40,
-    max_nonlinear: int = 3,
+    max_nonlinear: int = 6,
 ) -> Stepper:
     """Make the factors for steps of length dt [s]; the model's numbers must be concrete.
 

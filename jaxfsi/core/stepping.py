@@ -11,7 +11,7 @@ from jaxfsi.core.elements import flux
 from jaxfsi.core.equations import Step, Unknowns, begin_step, extrapolated
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
-from jaxfsi.core.newton import solve_step, with_derivative
+from jaxfsi.core.newton import SLACK, solve_step, with_derivative
 from jaxfsi.core.ports import BlockPort
 from jaxfsi.core.state import State
 from jaxfsi.core.stepper import Stepper
@@ -101,7 +101,7 @@ def _solved(model: Model, state: State, stepper: Stepper) -> tuple[State, StepRe
         least = jnp.min(step.fluid_shape.volume / stepper.motion.volume)
     finite = jnp.all(jnp.isfinite(y.u)) & jnp.all(jnp.isfinite(y.p))
     result = RESULTS.where(
-        convergence.residual <= 10.0 * stepper.tolerance,
+        convergence.residual <= SLACK * stepper.tolerance,
         RESULTS.successful,
         RESULTS.not_converged,
     )

@@ -49,7 +49,7 @@ class SolverChoice:
     rho_infinity: float = 0.5
     tolerance: float = 1e-3
     max_linear: int = 40
-    max_nonlinear: int = 3
+    max_nonlinear: int = 6
 
 
 class Glimpse(NamedTuple):

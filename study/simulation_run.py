@@ -45,8 +45,9 @@ residual down by less than a digit."""
 
 DAMPING = 0.0
 """Spectral radius of the method at infinite frequency. Geometry is extrapolated in time, and the
-two pressures on the sides of an intramural wall then shake it: with 0.5 the bundled patient's wall
-flutters to pieces at a drop of 22 mmHg and steps of 1 ms; with 0 steps of 2 ms bear 42 mmHg."""
+two pressures on the sides of an intramural wall shake it. While the blood's coefficients were
+extrapolated too, the bundled patient's wall fluttered to pieces with 0.5 at a drop of 22 mmHg and
+steps of 1 ms; more than 0 was not tried since they are not (`jaxfsi.core.equations.renewed`)."""
 
 STEP_NAME = "running"
 _HISTORY_SECONDS = 10.0

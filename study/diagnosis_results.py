@@ -10,6 +10,7 @@ from diagnosis.circuit import PHASE
 from diagnosis.measured import SENSORS
 from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.shrink import Shrink, expected_waves, fitted_gap, held_out_gap
+from diagnosis.verdict import key_of
 from diagnosis.where import (
     DRAWS,
     Map,
@@ -62,6 +63,7 @@ def diagnosis_document(
         "where_after_rest_alone": None if rest is None else _blocks(rest, names),
         "place_in_model": place_probabilities(diagnosis),
         "free_forcing": forcing_shares(diagnosis),
+        "unknown_beside": {key_of(h): round(p, 6) for h, p in diagnosis.beside.items()},
         "smallest_global_p": 1.0 / (DRAWS + 1),
         "gap": {
             "fitted": fitted._asdict(),
@@ -103,13 +105,27 @@ def sentence(diagnosis: Diagnosis) -> str:
         parts = [find_effect(effects, name).sentence for name in judgement.named]
         return f"The gap is explained: {'; and '.join(parts)}."
     if judgement.verdict == "unknown":
-        near = ", ".join(judgement.named).replace("_", " ")
-        return (
-            "There is a gap, and no effect of the catalogue explains it fully. The nearest is "
-            f"{near}; what is left points to something not in the catalogue."
-        )
+        return _partly(diagnosis)
     names = ", ".join(name.replace("_", " ") for name in judgement.named)
     return f"There is a gap; the data cannot tell between: {names}."
+
+
+def _partly(diagnosis: Diagnosis) -> str:
+    """The verdict where something acts that is not in the catalogue."""
+    beside = max(diagnosis.beside, key=lambda h: diagnosis.beside[h])
+    shares = forcing_shares(diagnosis, beside)
+    place = max(shares, key=lambda name: shares[name])
+    where = f"A free forcing explains it best at this place: {place}."
+    if beside and diagnosis.beside[beside] >= 0.5:
+        parts = "; and ".join(find_effect(diagnosis.effects, name).sentence for name in beside)
+        return (
+            f"The gap is explained in part: {parts}. What is left is not in the catalogue. {where}"
+        )
+    near = ", ".join(diagnosis.judgement.named).replace("_", " ")
+    return (
+        "There is a gap, and no effect of the catalogue explains it. "
+        f"{where} The nearest effect is {near}, which leaves a gap."
+    )
 
 
 def _listed(probabilities: Mapping[str, float]) -> dict[str, float]:

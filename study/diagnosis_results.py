@@ -19,6 +19,7 @@ from diagnosis.where import (
     place_probabilities,
     rest_map,
 )
+from study.diagnosis_words import sentence, to_do
 
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE = "plan.json"
@@ -54,6 +55,7 @@ def diagnosis_document(
         "id": record.id,
         "verdict": judgement.verdict,
         "sentence": sentence(diagnosis),
+        "to_do": to_do(diagnosis, names),
         "named": list(judgement.named),
         "probabilities": _listed(judgement.probabilities),
         "inclusion": {k: round(v, 6) for k, v in judgement.inclusion.items()},
@@ -91,41 +93,6 @@ def diagnosis_document(
         "provenance": provenance,
         "waveforms": _waveforms(record, diagnosis),
     }
-
-
-def sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in a sentence or two."""
-    judgement, effects = diagnosis.judgement, diagnosis.effects
-    if judgement.verdict == "no_gap":
-        return (
-            "No gap can be demonstrated: measurement error and the patient's unknowns explain the "
-            "record. Effects that calibration absorbs may still act."
-        )
-    if judgement.verdict == "named":
-        parts = [find_effect(effects, name).sentence for name in judgement.named]
-        return f"The gap is explained: {'; and '.join(parts)}."
-    if judgement.verdict == "unknown":
-        return _partly(diagnosis)
-    names = ", ".join(name.replace("_", " ") for name in judgement.named)
-    return f"There is a gap; the data cannot tell between: {names}."
-
-
-def _partly(diagnosis: Diagnosis) -> str:
-    """The verdict where something acts that is not in the catalogue."""
-    beside = max(diagnosis.beside, key=lambda h: diagnosis.beside[h])
-    shares = forcing_shares(diagnosis, beside)
-    place = max(shares, key=lambda name: shares[name])
-    where = f"A free forcing explains it best at this place: {place}."
-    if beside and diagnosis.beside[beside] >= 0.5:
-        parts = "; and ".join(find_effect(diagnosis.effects, name).sentence for name in beside)
-        return (
-            f"The gap is explained in part: {parts}. What is left is not in the catalogue. {where}"
-        )
-    near = ", ".join(diagnosis.judgement.named).replace("_", " ")
-    return (
-        "There is a gap, and no effect of the catalogue explains it. "
-        f"{where} The nearest effect is {near}, which leaves a gap."
-    )
 
 
 def _listed(probabilities: Mapping[str, float]) -> dict[str, float]:

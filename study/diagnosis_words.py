@@ -94,7 +94,7 @@ def to_do(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
     return [
         "Do not rely on this model for a condition that was not measured.",
         "Look at the instruments first, then where a disturbance would mimic the gap best: "
-        + "; ".join(f"{_LOOK[n]}, {shares[n]:.2f}" for n in places)
+        + "; ".join(f"{_LOOK[n]}, share {shares[n]:.2f}" for n in places)
         + ". Places that leave the same trace cannot be told apart.",
     ]
 

@@ -24,6 +24,7 @@ BENCHMARKS = (
     "wall",
     "slit",
     "steps",
+    "published",
 )
 LONG = ("sensitivity", "convergence")
 """Run only where they are named: an hour and more on two cores."""

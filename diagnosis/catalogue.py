@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from diagnosis.circuit import PHASE, Circuit
-from diagnosis.effects import GUESSED_FORM, Effect
+from diagnosis.effects import CRUDE_FORM, GUESSED_FORM, Effect
 
 P_NARROWING = 80.0
 """Aortic pressure at which dynamic narrowing neither adds nor removes [mmHg]."""
@@ -206,7 +206,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="catheter_damping", place="sensor", unit="s", sd=0.015, one_sided=True,
-        tolerance=GUESSED_FORM,
+        tolerance=CRUDE_FORM,
         change=lambda c, size: c._replace(aortic_lag=c.aortic_lag + size),
         equation="τ dP_seen/dt + P_seen = P_aorta, τ = φ",
         sentence="the fluid-filled catheter smooths the aortic trace",
@@ -223,7 +223,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="aortic_waveform", place="inlet", unit="mmHg", sd=5.0,
-        tolerance=GUESSED_FORM,
+        tolerance=CRUDE_FORM,
         change=lambda c, size: c._replace(P_inlet=c.P_inlet + size * _NOTCH),
         equation="P_aorta + φ exp(−(t/T − 0.40)²/(2·0.03²))",
         sentence="the aortic pressure has a notch that the assumed waveform lacks",

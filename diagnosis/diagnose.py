@@ -1,9 +1,10 @@
 """Which effect: all hypotheses of a batch of records, their evidence, and the verdicts.
 
 1. The base model is fitted. 2. Every effect of the catalogue is refitted from there. 3. About the
-two best, one Jacobian scans all partners; the four best pairs are fitted, the others take the
-evidence of the scan, but no more gain than the least of the fitted partners. 4. A free forcing at
-every place gives "unknown". 5. Evidence and priors give probabilities and a verdict.
+two best, one Jacobian scans all partners; the four best pairs are fitted, and with the best effect
+all partners that a scan from size zero may miss; the others take the evidence of the scan, but no
+more gain than the fitted partners have. 4. A free forcing at every place, alone and beside the best
+hypotheses, gives "unknown". 5. Evidence and priors give probabilities and a verdict.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,13 +21,16 @@ from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans
 from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
 from diagnosis.measured import Measured, weights
 from diagnosis.prediction import n_unknowns
-from diagnosis.verdict import Hypothesis, Judgement, judge, probabilities_of
+from diagnosis.verdict import PRIOR, Hypothesis, Judgement, judge, probabilities_of
 
 WORTH_PAIRING = 3.0
 """ln B of the best single effect below which pairs are not tried."""
 
 PARTNERS = (3, 1)
 """Partners tried of the best and the second best single effect."""
+
+ACCOMPANIED = 2
+"""Hypotheses beside which something outside the catalogue is looked for, the likeliest ones."""
 
 
 class Diagnosis(NamedTuple):
@@ -41,7 +45,9 @@ class Diagnosis(NamedTuple):
         scan: ln B of every effect by the score scan about the base optimum.
         visibility: length of each effect's own trace in noise units per unit of its size; times a
             size it is λ, how detectable that size is in this record.
-        forcing: ln B of a free forcing, places × lengths × amplitudes.
+        forcing: ln B of a free forcing alone, places × alikenesses × lengths × amplitudes.
+        accompanied: the same beside other hypotheses, over no gap.
+        beside: parts of the probability of "unknown", by what acts beside it.
         n_data: number of data.
     """
 
@@ -52,7 +58,9 @@ class Diagnosis(NamedTuple):
     log_B: Mapping[Hypothesis, float]
     scan: Mapping[str, float]
     visibility: Mapping[str, float]
-    forcing: Float[np.ndarray, "p l a"]
+    forcing: Float[np.ndarray, "p s l a"]
+    accompanied: Mapping[Hypothesis, Float[np.ndarray, "p s l a"]]
+    beside: Mapping[Hypothesis, float]
     n_data: int
 
     @property
@@ -104,8 +112,8 @@ def diagnose(
     single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
 
     scan_log_B, _, visible = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
-    forced = run_forcings(batch, x)
     found, scanned = _pairs(batch, single, single_log_B, numbers, effects, tell)
+    forced = _forcings(batch, base, single, found, numbers, effects, tell)
     counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
     return [
         _assembled(batch, effects, b, base, single, found.get(b, {}), scanned.get(b, {}),
@@ -191,6 +199,13 @@ def _pairs(
                 start = np.asarray(single.x)[rows[at]].copy()
                 start[-1] = 0.5 * np.clip(partner_size[at, e], -1.0, 1.0)
                 starts.append(start)
+            if place == 0:
+                for e in np.flatnonzero([effect.two_starts for effect in effects]):
+                    if e != first:
+                        jobs.append((int(b), first, int(e)))
+                        start = np.asarray(single.x)[rows[at]].copy()
+                        start[-1] = 1.0 / SCALE
+                        starts.append(start)
     fitted = run_fits(
         batch,
         [b for b, _, _ in jobs],
@@ -203,8 +218,42 @@ def _pairs(
     )
     found: dict[int, dict[tuple[int, int], Fitted]] = {}
     for k, (b, i, j) in enumerate(jobs):
-        found.setdefault(b, {})[(i, j)] = take(fitted, k)
+        pairs = found.setdefault(b, {})
+        if (i, j) not in pairs or fitted.log_evidence[k] > pairs[i, j].log_evidence:
+            pairs[i, j] = take(fitted, k)
     return found, scanned
+
+
+def _forcings(
+    batch: Measured,
+    base: Fitted,
+    single: Fitted,
+    pairs: Mapping[int, Mapping[tuple[int, int], Fitted]],
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    tell: Tell,
+) -> list[dict[tuple[int, ...], np.ndarray]]:
+    """Ln Z of a free forcing alone and beside the likeliest hypotheses of every record."""
+    B, E = batch.period.shape[0], len(effects)
+    jobs: list[tuple[int, tuple[int, int]]] = []
+    x = []
+    for b in range(B):
+        jobs.append((b, (-1, -1)))
+        x.append(np.asarray(base.x)[b])
+        fits = {(e, -1): take(single, b * E + e) for e in range(E)} | dict(pairs.get(b, {}))
+        share = {True: PRIOR["single"] / E, False: PRIOR["pair"] / max(E * (E - 1) / 2, 1)}
+        score = {h: float(f.log_evidence) + np.log(share[h[1] < 0]) for h, f in fits.items()}
+        score = {h: v for h, v in score.items() if v > float(base.log_evidence[b]) - WORTH_PAIRING}
+        for h in sorted(score, key=lambda h: -score[h])[:ACCOMPANIED]:
+            jobs.append((b, h))
+            x.append(np.asarray(fits[h].x))
+    log_Z = run_forcings(
+        batch, [b for b, _ in jobs], [h for _, h in jobs], np.array(x), numbers, effects, tell=tell
+    )
+    found: list[dict[tuple[int, ...], np.ndarray]] = [{} for _ in range(B)]
+    for (b, h), value in zip(jobs, log_Z, strict=True):
+        found[b][tuple(e for e in h if e >= 0)] = value
+    return found
 
 
 def _assembled(
@@ -217,7 +266,7 @@ def _assembled(
     scanned: Mapping[tuple[int, int], float],
     scan_log_B: np.ndarray,
     visible: np.ndarray,
-    forced: np.ndarray,
+    forced: Mapping[tuple[int, ...], np.ndarray],
     n_data: int,
 ) -> Diagnosis:
     names = tuple(effect.id for effect in effects)
@@ -228,9 +277,11 @@ def _assembled(
         fits[(names[i], names[j])] = fitted
     log_Z = {h: float(f.log_evidence) for h, f in fits.items()}
     record = jax.tree.map(lambda leaf: leaf[b], batch)
-    probabilities = probabilities_of({**_unfitted(log_Z, scanned, names), **log_Z}, forced, E)
-    chi2 = {h: float(f.chi2) for h, f in fits.items() if bool(f.sound)}
-    judgement = judge(probabilities, names, chi2, n_data, n_unknowns(record))
+    unknown = {tuple(names[e] for e in h): value for h, value in forced.items()}
+    every = {**_unfitted(log_Z, scanned, names), **log_Z}
+    probabilities, beside = probabilities_of(every, unknown, E)
+    misfit = {h: float(f.misfit) for h, f in fits.items() if bool(f.sound)}
+    judgement = judge(probabilities, names, misfit, n_data, n_unknowns(record), beside)
     none = log_Z[()]
     return Diagnosis(
         record=record,
@@ -242,7 +293,9 @@ def _assembled(
         visibility={
             n: float(v) / (SCALE * e.sd) for n, v, e in zip(names, visible, effects, strict=True)
         },
-        forcing=forced - none,
+        forcing=unknown[()] - none,
+        accompanied={h: value - none for h, value in unknown.items() if h},
+        beside=beside,
         n_data=n_data,
     )
 
@@ -262,5 +315,7 @@ def _unfitted(
         pair = (names[i], names[j])
         if frozenset(pair) not in known and np.isfinite(log_Z[pair[:1]]):
             known.add(frozenset(pair))
-            found[pair] = log_Z[pair[:1]] + min([gain, *gains.get(names[i], [])])
+            # of the partners that the scan chose, the least gain bounds what it promises of others
+            own = sorted(gains.get(names[i], []), reverse=True)[: max(PARTNERS)]
+            found[pair] = log_Z[pair[:1]] + min([gain, *own])
     return found

@@ -39,6 +39,9 @@ PLACES: tuple[Place, ...] = ("ostium", "wall", "microvasculature", "pump", "inle
 GUESSED_FORM = 0.15
 """Share of an effect's waveform that may differ where its equation is a guess."""
 
+CRUDE_FORM = 0.3
+"""The same where the equation stands for a whole family of shapes."""
+
 SCALE = 3.0**-0.5
 """Width s of the prior over its root mean square."""
 

@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 from threadpoolctl import threadpool_limits
@@ -63,16 +62,20 @@ def _scan_block(
     return jax.vmap(one)(records, x, sizes)
 
 
-@jax.jit
-def _force_block(records: Measured, x: Float[Array, "j k"]) -> Float[Array, "j p l a"]:
-    def one(measured: Measured, x: Array) -> Array:
-        found = linearise(measured, (), _NOTHING, x, jnp.zeros(0))
-        return forcing_evidence(measured, found.linear, x)
+@partial(jax.jit, static_argnames=("effects", "nonlinear"))
+def _force_block(
+    records: Measured,
+    pairs: Int[Array, "j 2"],
+    x: Float[Array, "j k"],
+    numbers: Catalogue,
+    *,
+    effects: tuple[Effect, ...],
+    nonlinear: bool,
+) -> Float[Array, "j p s l a"]:
+    def one(measured: Measured, pair: Array, x: Array) -> Array:
+        return forcing_evidence(measured, effects, numbers, pair, x, nonlinear=nonlinear)
 
-    return jax.vmap(one)(records, x)
-
-
-_NOTHING = Catalogue(jnp.zeros(0), jnp.zeros(0), jnp.zeros(0))
+    return jax.vmap(one)(records, pairs, x)
 
 
 def _in_blocks(
@@ -120,6 +123,20 @@ def run_fits(
         step: what to call this, for `tell`.
         tell: told of progress.
     """
+    fit = partial(_fit_block, numbers=numbers, effects=effects)
+    return _by_kind(fit, batch, record, pairs, starts, effects, partial(tell, step))
+
+
+def _by_kind(
+    function: Callable[..., Any],
+    batch: Measured,
+    record: Sequence[int] | np.ndarray,
+    pairs: Sequence[tuple[int, int]] | np.ndarray,
+    x: np.ndarray,
+    effects: tuple[Effect, ...],
+    tell: Callable[[int, int], None],
+) -> Any:
+    """Call a function on jobs, those with a linear and those with a nonlinear ostium apart."""
     record, pairs = np.asarray(record, int), np.asarray(pairs, int).reshape(-1, 2)
     bent = np.array([effect.nonlinear for effect in effects] + [False])
     kind = bent[pairs].any(axis=1)
@@ -128,13 +145,13 @@ def run_fits(
     def told(count: int) -> None:
         nonlocal done
         done += count
-        tell(step, done, record.size)
+        tell(done, record.size)
 
     for nonlinear in (False, True):
         at = np.flatnonzero(kind == nonlinear)
         if at.size:
-            fit = partial(_fit_block, numbers=numbers, effects=effects, nonlinear=nonlinear)
-            parts.append(_in_blocks(fit, batch, record[at], (pairs[at], starts[at]), told))
+            called = partial(function, nonlinear=nonlinear)
+            parts.append(_in_blocks(called, batch, record[at], (pairs[at], x[at]), told))
             order.append(at)
     back = np.argsort(np.concatenate(order))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
@@ -153,10 +170,20 @@ def run_scans(
     return _in_blocks(scan, batch, np.asarray(record, int), (x, sizes), lambda count: None)
 
 
-def run_forcings(batch: Measured, x: np.ndarray) -> np.ndarray:
-    """Ln Z of a free forcing at every place about the base optimum of every record."""
-    everyone = np.arange(x.shape[0])
-    return _in_blocks(_force_block, batch, everyone, (x,), lambda count: None)
+def run_forcings(
+    batch: Measured,
+    record: Sequence[int] | np.ndarray,
+    pairs: Sequence[tuple[int, int]] | np.ndarray,
+    x: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    *,
+    tell: Tell = silent,
+) -> np.ndarray:
+    """Ln Z of a free forcing at every place beside hypothesis `pairs[j]` of record `record[j]`."""
+    force = partial(_force_block, numbers=numbers, effects=effects)
+    told = partial(tell, "looking for what is not in the catalogue")
+    return _by_kind(force, batch, record, pairs, x, effects, told)
 
 
 def base_start(batch: Measured) -> np.ndarray:

@@ -7,7 +7,7 @@ e = W (y − f(x)) + J x and columns F of a further Gaussian uncertainty,
 
 m and s being posterior mean and sd of the size. F is block diagonal over conditions. Two kinds:
 
-* form tolerance of an effect, F = W ρ diag(Δf) B, Δf what the effect changes in each trace;
+* form tolerance of an effect, F = W ρ diag(|Δf|) B, |Δf| what it changes about each time;
 * a free smooth forcing at a place of the circuit, F = W a (∂f/∂forcing) B: "not in the catalogue".
 
 B holds the first harmonics weighted by the spectrum of exp(−2 sin²(πΔ)/(2πℓ)²). Data are the real
@@ -48,11 +48,13 @@ class Posterior(NamedTuple):
         log_evidence: ln Z, up to a constant of the data.
         mean: posterior mean of the unknowns.
         covariance: of the unknowns.
+        misfit: |e − J x|² at the mean, in units of noise and of F.
     """
 
     log_evidence: Float[Array, ""]
     mean: Float[Array, " k"]
     covariance: Float[Array, "k k"]
+    misfit: Float[Array, ""]
 
 
 def log_moment(
@@ -102,37 +104,45 @@ def posterior(
     ee = jnp.sum(e**2)
     log_volume = jnp.zeros(())
     if F is not None:
-        FF = jnp.einsum("cdm,cdl->cml", F, F)
-        return reduced_posterior(
-            JJ, Je, ee, FF, jnp.einsum("cdm,cdk->cmk", F, J), jnp.einsum("cdm,cd->cm", F, e),
-            one_sided,
-        )  # fmt: skip
-    return _posterior(JJ, Je, ee, log_volume, one_sided)
+        columns = jnp.concatenate([F, J, e[..., None]], axis=-1)
+        products = jnp.einsum("cdm,cdl->cml", columns, columns)
+        left, log_volume = jax.vmap(lambda one: absorbed(one, F.shape[-1]))(products)
+        return posterior_of_products(*split(jnp.sum(left, 0)), jnp.sum(log_volume), one_sided)
+    return posterior_of_products(JJ, Je, ee, log_volume, one_sided)
 
 
-def reduced_posterior(
-    JJ: Array,
-    Je: Array,
-    ee: Array,
-    FF: Float[Array, "c m m"],
-    FJ: Float[Array, "c m k"],
-    Fe: Float[Array, "c m"],
+def absorbed(products: Float[Array, "n n"], count: int) -> tuple[Array, Array]:
+    """Inner products of columns once the first few have become part of the noise.
+
+    With A those columns and B the others, BᵀB turns into Bᵀ(I + A Aᵀ)⁻¹B (Woodbury's identity).
+
+    Args:
+        products: of all columns, AᵀA first.
+        count: of the columns A (static).
+
+    Returns:
+        Those of the others, and ½ ln|I + A Aᵀ|.
+    """
+    factor = jnp.linalg.cholesky(jnp.eye(count) + products[:count, :count])
+    half = jax.lax.linalg.triangular_solve(
+        factor, products[:count, count:], left_side=True, lower=True
+    )
+    return products[count:, count:] - half.T @ half, jnp.sum(jnp.log(jnp.diagonal(factor)))
+
+
+def split(products: Float[Array, "n n"]) -> tuple[Array, Array, Array]:
+    """JᵀJ, Jᵀe and eᵀe from the inner products of the columns [J, e]."""
+    return products[:-1, :-1], products[:-1, -1], products[-1, -1]
+
+
+def posterior_of_products(
+    JJ: Float[Array, "k k"],
+    Je: Float[Array, " k"],
+    ee: Float[Array, ""],
+    log_volume: Float[Array, ""],
     one_sided: Float[Array, " k"] | None = None,
 ) -> Posterior:
-    """The same from inner products, so that amplitudes of F cost little (Woodbury's identity)."""
-    factor = jnp.linalg.cholesky(jnp.eye(FF.shape[-1])[None] + FF)
-    joined = jnp.concatenate([FJ, Fe[..., None]], axis=-1)
-    half = jax.lax.linalg.triangular_solve(factor, joined, left_side=True, lower=True)
-    A, b = half[..., :-1], half[..., -1]
-    log_volume = jnp.sum(jnp.log(jnp.diagonal(factor, axis1=-2, axis2=-1)))
-    JJ = JJ - jnp.einsum("cmk,cml->kl", A, A)
-    Je = Je - jnp.einsum("cmk,cm->k", A, b)
-    return _posterior(JJ, Je, ee - jnp.sum(b**2), log_volume, one_sided)
-
-
-def _posterior(
-    JJ: Array, Je: Array, ee: Array, log_volume: Array, one_sided: Array | None
-) -> Posterior:
+    """The same from inner products, `log_volume` being ½ ln of the noise's determinant."""
     precision = jnp.eye(JJ.shape[0]) + JJ
     factor = jnp.linalg.cholesky(precision)
     mean = cho_solve((factor, True), Je)
@@ -141,4 +151,5 @@ def _posterior(
     if one_sided is not None:
         sd = jnp.sqrt(jnp.diagonal(covariance))
         log_Z = log_Z + jnp.sum(one_sided * (jnp.log(2.0) + log_ndtr(mean / sd)))
-    return Posterior(log_Z, mean, covariance)
+    misfit = ee - Je @ mean - mean @ mean
+    return Posterior(log_Z, mean, covariance, misfit)

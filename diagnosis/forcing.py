@@ -1,7 +1,7 @@
 """A free smooth forcing at a place of the circuit: "something acts here, not in the catalogue".
 
-At each place a waveform of its own for every condition enters the circuit; its prior is a periodic
-Gaussian process of some amplitude and length:
+At each place a waveform for every condition enters the circuit; its prior is a periodic Gaussian
+process of some amplitude and length:
 
 | place | the forcing |
 |---|---|
@@ -12,21 +12,39 @@ Gaussian process of some amplitude and length:
 | inlet | added to the aortic pressure itself |
 | sensor | added to the aortic trace, or to the distal trace |
 
-Amplitudes and lengths are averaged with equal weights. The mean of a place's evidences over the
-evidence of no gap says where in the *model* a cause may sit; the mean over all places is the
-hypothesis "unknown". (Weak-constraint reading: Trémolet 2006, Q J R Meteorol Soc 132:2483.)
+A cause acts in every condition, at about the same time of the beat; only how much may differ. With
+the alikeness s the covariance of the waveforms of two conditions is that of one times
+
+    s + (1 − s) δ.
+
+Amplitudes, lengths and alikenesses are averaged with equal weights. The mean of a place's evidences
+over the evidence of no gap says where in the *model* a cause may sit; the mean over all places is
+the hypothesis "unknown". (Weak-constraint reading: Trémolet 2006, Q J R Meteorol Soc 132:2483.)
+
+What is not in the catalogue may act alone or beside an effect that is. Where it acts the optimum
+without it is a poor place to linearise: the evidence is taken about the mean with the likeliest
+forcing of each place.
 """
+
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from diagnosis import circuit
 from diagnosis.circuit import FORCED, as_harmonics
-from diagnosis.evidence import Whitened, reduced_posterior, smooth_scale
-from diagnosis.measured import Measured, weights
-from diagnosis.prediction import Situation, as_data, n_unknowns, predict, selection, situations
+from diagnosis.effects import Effect, size_of
+from diagnosis.evidence import absorbed, posterior_of_products, smooth_scale, split
+from diagnosis.hypothesis import (
+    Catalogue,
+    by_condition,
+    form_uncertainty,
+    log_prior_of_sizes,
+)
+from diagnosis.measured import Measured, data_of, weights
+from diagnosis.prediction import OWN, Situation, as_data, n_unknowns, predict, selection, situations
 
 AMPLITUDES_MMHG = (0.5, 1.5, 4.0, 10.0)
 """Prior standard deviations of the forcing [mmHg]."""
@@ -34,57 +52,121 @@ AMPLITUDES_MMHG = (0.5, 1.5, 4.0, 10.0)
 LENGTHS = (0.03, 0.12)
 """Correlation lengths [beats]."""
 
+ALIKE = (0.0, 0.9)
+"""How alike the forcing is in all conditions."""
+
 HARMONICS = 18
 """Harmonics of a forcing."""
 
+PASSES = 2
+"""Linearisations: about the optimum without a forcing, then about the mean with it."""
+
 
 def forcing_evidence(
-    measured: Measured, linear: Whitened, x: Float[Array, " k"]
-) -> Float[Array, "p l a"]:
-    """Ln Z of a forcing at each place, for each length and amplitude.
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    *,
+    nonlinear: bool,
+) -> Float[Array, "p s l a"]:
+    """Ln Z of a forcing at each place beside a hypothesis, by alikeness, length and amplitude.
 
     Args:
         measured: the record.
-        linear: the base model about its optimum.
-        x: that optimum, standardised.
+        effects: the catalogue (static).
+        numbers: of the catalogue.
+        pair: positions of the hypothesis's effects, −1 for none.
+        x: its posterior mean, standardised.
+        nonlinear: whether any of them makes the ostium nonlinear (static).
     """
-    e, J = linear
-    JJ, Je = jnp.einsum("cdk,cdl->kl", J, J), jnp.einsum("cdk,cd->k", J, e)
-    ee = jnp.sum(e**2)
-    F = _responses(measured, x)
-    FF = jnp.einsum("pcdm,pcdl->pcml", F, F)
-    FJ, Fe = jnp.einsum("pcdm,cdk->pcmk", F, J), jnp.einsum("pcdm,cd->pcm", F, e)
-
-    def one(weight: Array, FF: Array, FJ: Array, Fe: Array) -> Array:
-        weighted = FF * (weight[:, None] * weight[None, :])[None]
-        scaled = (FJ * weight[None, :, None], Fe * weight[None])
-        return reduced_posterior(JJ, Je, ee, weighted, *scaled).log_evidence
-
-    scale = np.array(
-        [[a * smooth_scale(length, HARMONICS) for a in AMPLITUDES_MMHG] for length in LENGTHS]
-    )
-    flat = jnp.asarray(scale.reshape(-1, scale.shape[-1]))
-    by_weight = jax.vmap(one, (0, None, None, None))
-    found = jax.vmap(lambda *place: by_weight(flat, *place))(FF, FJ, Fe)
-    return found.reshape(len(FORCED), len(LENGTHS), len(AMPLITUDES_MMHG))
-
-
-def _responses(measured: Measured, x: Float[Array, " k"]) -> Float[Array, "p c d m"]:
-    """Derivative of the whitened data by the coefficients of a forcing at each place."""
-    W, cases = weights(measured), situations(measured)
-    own = jnp.asarray(selection(measured.n_conditions, 0)) @ x[: n_unknowns(measured)]
+    k = n_unknowns(measured)
+    chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
+    sided = jnp.concatenate([jnp.zeros(k), chosen @ numbers.one_sided])
+    W, data, cases = weights(measured), data_of(measured), situations(measured)
+    chooser = jnp.asarray(selection(measured.n_conditions, 2))
+    form = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
     none = jnp.zeros(circuit.HARMONICS - HARMONICS)
 
-    def one(place: Array, W: Array, case: Situation, own: Array) -> Array:
-        def seen(c: Array) -> Array:
-            re, im = c[: HARMONICS + 1], c[HARMONICS + 1 :]
-            wave = as_harmonics(jnp.concatenate([re, none, im, none]))
-            at = (jnp.arange(len(FORCED)) == place).astype(complex)
-            forced = at[:, None] * wave[None, :]
-            beat = predict(case, own, (), jnp.zeros(0), nonlinear=False, forced=forced)
-            return W * as_data(beat, measured.n_sensors)
+    def shown(case: Situation, own: Array, place: Array, c: Array) -> Array:
+        re, im = c[: HARMONICS + 1], c[HARMONICS + 1 :]
+        wave = as_harmonics(jnp.concatenate([re, none, im, none]))
+        at = (jnp.arange(len(FORCED)) == place).astype(complex)
+        sizes = size_of(numbers.sd, numbers.one_sided, own[OWN:] @ chosen)
+        beat = predict(
+            case, own[:OWN], effects, sizes, nonlinear=nonlinear,
+            forced=at[:, None] * wave[None, :],
+        )  # fmt: skip
+        return as_data(beat, measured.n_sensors)
 
-        return jax.jacfwd(seen)(jnp.zeros(2 * HARMONICS + 1))
+    zero = jnp.zeros(2 * HARMONICS + 1)
 
-    by_condition = jax.vmap(one, (None, 0, 0, 0))
-    return jax.vmap(by_condition, (0, None, None, None))(jnp.arange(len(FORCED)), W, cases, own)
+    def about(x: Array, place: Array) -> tuple[Array, Array]:
+        """Evidences, and the mean with the likeliest of the forcings."""
+        slopes = by_condition(
+            lambda W, case, own: W * shown(case, own, place, zero), W, cases, chooser
+        )
+        value, J = slopes(x)
+
+        def response(W: Array, case: Situation, own: Array) -> Array:
+            return W[:, None] * jax.jacfwd(shown, argnums=3)(case, own, place, zero)
+
+        F = jax.vmap(response)(W, cases, chooser @ x)
+        e = W * data - value + J @ x
+        log_Z, means = forcing_mixture(form, F, J, e, pair, sided)
+        mean = means[jnp.argmax(log_Z)]
+        return log_Z, jnp.where(sided > 0.5, jnp.maximum(mean, 0.0), mean)
+
+    def at_place(place: Array) -> Array:
+        here, log_Z = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x), jnp.zeros(0)
+        for _ in range(PASSES):
+            log_Z, here = about(here, place)
+        return log_Z
+
+    found = jax.lax.map(at_place, jnp.arange(len(FORCED)))
+    found = jnp.where(jnp.isfinite(found), found, -jnp.inf)
+    return found.reshape(len(FORCED), len(ALIKE), len(LENGTHS), len(AMPLITUDES_MMHG))
+
+
+def forcing_mixture(
+    form: Float[Array, "c d f"],
+    F: Float[Array, "c d m"],
+    J: Float[Array, "c d k"],
+    e: Float[Array, "c d"],
+    pair: Int[Array, " 2"],
+    sided: Float[Array, " k"],
+) -> tuple[Float[Array, " n"], Float[Array, "n k"]]:
+    """Ln Z and posterior mean for every alikeness, length and amplitude of a forcing.
+
+    Args:
+        form: columns of the form tolerance, whitened.
+        F: response to the forcing's coefficients, whitened.
+        J: derivative by the unknowns, whitened.
+        e: residual plus J x, whitened.
+        pair: positions of the effects, −1 for none.
+        sided: 1 for unknowns that only exist above zero.
+    """
+    m, k = F.shape[-1], J.shape[-1]
+    columns = jnp.concatenate([form, F, J, e[..., None]], axis=-1)
+    products = jnp.einsum("cdm,cdl->cml", columns, columns)
+    products, form_volume = jax.vmap(lambda one: absorbed(one, form.shape[-1]))(products)
+    scales = [a * smooth_scale(length, HARMONICS) for length in LENGTHS for a in AMPLITUDES_MMHG]
+    ones = np.ones(k + 1)
+    table = [(s, np.concatenate([scale, ones])) for s in ALIKE for scale in scales]
+    alike, weight = (jnp.asarray(np.array(column)) for column in zip(*table, strict=True))
+
+    def one(s: Array, weight: Array) -> tuple[Array, Array]:
+        scaled = products * (weight[:, None] * weight[None, :])[None]
+        # each condition's own part of the forcing goes first, then the part that all share
+        root = jnp.concatenate([jnp.full(m, jnp.sqrt(1.0 - s)), jnp.ones(m + k + 1)])
+        twice = jnp.concatenate([jnp.arange(m), jnp.arange(m + k + 1)])
+        doubled = scaled[:, twice][:, :, twice] * (root[:, None] * root[None, :])[None]
+        left, own_volume = jax.vmap(lambda one: absorbed(one, m))(doubled)
+        root = jnp.concatenate([jnp.full(m, jnp.sqrt(s)), jnp.ones(k + 1)])
+        left, shared_volume = absorbed(jnp.sum(left, 0) * root[:, None] * root[None, :], m)
+        volume = jnp.sum(form_volume) + jnp.sum(own_volume) + shared_volume
+        after = posterior_of_products(*split(left), volume, sided)
+        return after.log_evidence + log_prior_of_sizes(after, pair, sided), after.mean
+
+    return jax.lax.map(lambda args: one(*args), (alike, weight))

@@ -20,8 +20,8 @@ from jaxtyping import Array, Bool, Float, Int
 from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, Beat
 from diagnosis.descent import descend
 from diagnosis.effects import SCALE, Effect, size_of
-from diagnosis.evidence import Whitened, log_moment, posterior, smooth_scale
-from diagnosis.measured import Measured, data_of, weights
+from diagnosis.evidence import Posterior, Whitened, log_moment, posterior, smooth_scale
+from diagnosis.measured import Measured, correlation, data_of, weights
 from diagnosis.prediction import (
     OWN,
     Situation,
@@ -33,17 +33,22 @@ from diagnosis.prediction import (
     situations,
 )
 
-FORM_LENGTH, FORM_HARMONICS = 0.06, 10
+FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
 """Smoothness of what a guessed form may get wrong [beats], and harmonics kept of it."""
+
+FORM_SHIFT = 0.06
+"""By how much an equation may be wrong about the time of its effect [beats]."""
 
 
 class Fitted(NamedTuple):
     """A fitted hypothesis.
 
     Attributes:
-        x: optimum, standardised: unknowns of the base model and two sizes.
+        x: posterior mean, standardised: unknowns of the base model and two sizes.
         log_evidence: ln Z up to a constant of the record.
         chi2: Σ of squared whitened residuals.
+        misfit: the same in units of noise and form tolerance together.
+        cost: least |W (y − f)|² + |x|², without form tolerance.
         residual: whitened residuals by condition.
         sizes: size of every effect of the catalogue [its unit].
         size_sd: posterior standard deviations of the two sizes [their units].
@@ -54,6 +59,8 @@ class Fitted(NamedTuple):
     x: Float[Array, "*b k"]
     log_evidence: Float[Array, "*b"]
     chi2: Float[Array, "*b"]
+    misfit: Float[Array, "*b"]
+    cost: Float[Array, "*b"]
     residual: Float[Array, "*b c d"]
     sizes: Float[Array, "*b e"]
     size_sd: Float[Array, "*b 2"]
@@ -130,26 +137,71 @@ def fit_hypothesis(
     def whitened(W: Array, case: Situation, own: Array) -> Array:
         return W * as_data(beat(case, own), measured.n_sensors)
 
-    slopes = _by_condition(whitened, W, cases, chooser)
+    slopes = by_condition(whitened, W, cases, chooser)
 
-    x, value, _ = descend(slopes, W * data, start)
-    residual = W * data - value
-    own = chooser @ x
-    seen = jax.vmap(beat)(cases, own)
-    F = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+    optimum, value, _ = descend(slopes, W * data, start)
+    cost = jnp.sum((W * data - value) ** 2) + jnp.sum(optimum**2)
     sided = jnp.concatenate([jnp.zeros(k), chosen @ numbers.one_sided])
-    # below zero a one-sided size has levelled off and lost its slope: the evidence looks from zero
-    inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
-    value, J = slopes(inside)
-    after = posterior(Whitened(W * data - value + J @ inside, J), F, sided)
+
+    def about(x: Array) -> tuple[Array, Whitened]:
+        """The model linearised at x."""
+        # below zero a one-sided size has levelled off and lost its slope: look from zero
+        inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
+        value, J = slopes(inside)
+        return inside, Whitened(W * data - value + J @ inside, J)
+
+    def freedom(x: Array) -> Array:
+        return form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+
+    # the optimum takes the equations at their word: steps to where they may be a little wrong
+    first = about(optimum)
+    second = about(posterior(first[1], freedom(first[0]), sided).mean)
+    F = freedom(second[0])
+    third = about(posterior(second[1], F, sided).mean)
+    tried = jax.tree.map(lambda *leaves: jnp.stack(leaves), first, second, third)
+    factor = _form_factor(F)
+
+    def weighed(x: Array, linear: Whitened) -> tuple[Array, Array]:
+        """Whitened residual at x, and its misfit where the form is free."""
+        residual = linear.e - linear.J @ x
+        return residual, jnp.sum(_without_form(residual, F, factor))
+
+    residuals, misfits = jax.vmap(weighed)(*tried)
+    each = misfits + jnp.sum(tried[0] ** 2, axis=1)
+    best = jnp.argmin(jnp.where(jnp.isfinite(each), each, jnp.inf))
+    (x, linear), residual, misfit = jax.tree.map(lambda a: a[best], (tried, residuals, misfits))
+    after = posterior(linear, F, sided)
+    seen = jax.vmap(beat)(cases, chooser @ x)
     sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (chosen @ numbers.sd)
     chi2 = jnp.sum(residual**2)
     sound = jnp.isfinite(after.log_evidence) & jnp.isfinite(chi2)
     waves = jax.vmap(as_waves)(seen)
-    moments = log_moment(after.mean[k:], after.covariance.diagonal()[k:], sided[k:])
-    log_Z = after.log_evidence + jnp.sum(jnp.where(pair >= 0, moments, 0.0))
+    log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
     log_Z = jnp.where(sound, log_Z, -jnp.inf)
-    return Fitted(x, log_Z, chi2, residual, sizes_of(x[k:]), sd, waves, sound)
+    return Fitted(x, log_Z, chi2, misfit, cost, residual, sizes_of(x[k:]), sd, waves, sound)
+
+
+def log_prior_of_sizes(
+    after: Posterior, pair: Int[Array, " 2"], sided: Float[Array, " k"]
+) -> Float[Array, ""]:
+    """Ln of the factors E[φ²]/s² of a hypothesis's sizes, see `effects`."""
+    variance = jnp.diagonal(after.covariance)
+    moments = log_moment(after.mean[-2:], variance[-2:], sided[-2:])
+    return jnp.sum(jnp.where(pair >= 0, moments, 0.0))
+
+
+def _form_factor(F: Float[Array, "c d m"]) -> Float[Array, "c m m"]:
+    return jnp.linalg.cholesky(jnp.eye(F.shape[-1])[None] + jnp.einsum("cdm,cdl->cml", F, F))
+
+
+def _without_form(
+    residual: Float[Array, "c d"], F: Float[Array, "c d m"], factor: Float[Array, "c m m"]
+) -> Float[Array, " c"]:
+    """rᵀ (I + F Fᵀ)⁻¹ r of each condition."""
+    half = jax.lax.linalg.triangular_solve(
+        factor, jnp.einsum("cdm,cd->cm", F, residual)[..., None], left_side=True, lower=True
+    )
+    return jnp.sum(residual**2, axis=1) - jnp.sum(half[..., 0] ** 2, axis=1)
 
 
 def form_uncertainty(
@@ -174,17 +226,18 @@ def form_uncertainty(
         return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear)
 
     seen = jax.vmap(beat)(cases, own)
-    without = jax.vmap(lambda case, own: beat(case, own.at[OWN:].set(0.0)))(cases, own)
-    change = Beat(*(a - b for a, b in zip(seen, without, strict=True)))
-    scalars = jax.vmap(lambda b: as_data(b, n)[-4:])
-    tolerance = jnp.max(chosen @ numbers.tolerance)
-    return _form_columns(
-        weights(measured), tolerance, jax.vmap(as_waves)(change),
-        scalars(seen) - scalars(without), n,
-    )  # fmt: skip
+    waves, scalars = jax.vmap(as_waves)(seen), jax.vmap(lambda b: as_data(b, n)[-4:])(seen)
+    power, scalar_power = jnp.zeros_like(waves), jnp.zeros_like(scalars)
+    for place in range(2):
+        without = jax.vmap(beat)(cases, own.at[:, OWN + place].set(0.0))
+        tolerance = chosen[place] @ numbers.tolerance
+        power += (tolerance * (waves - jax.vmap(as_waves)(without))) ** 2
+        change = scalars - jax.vmap(lambda b: as_data(b, n)[-4:])(without)
+        scalar_power += (tolerance * change) ** 2
+    return _form_columns(weights(measured), power, scalar_power, n)
 
 
-def _by_condition(
+def by_condition(
     whitened: Callable[[Array, Situation, Array], Array],
     W: Array,
     cases: Situation,
@@ -230,7 +283,7 @@ def linearise(
     def whitened(W: Array, case: Situation, own: Array) -> Array:
         return W * as_data(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors)
 
-    value, J = _by_condition(whitened, W, cases, chooser)(joined)
+    value, J = by_condition(whitened, W, cases, chooser)(joined)
     k = n_unknowns(measured)
     residual = W * data_of(measured) - value
     linear = Whitened(residual + J[..., :k] @ x[:k], J[..., :k])
@@ -266,25 +319,30 @@ def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array, Arr
 
 def _form_columns(
     W: Float[Array, "c d"],
-    tolerance: Float[Array, ""],
-    change: Float[Array, "c 3 n"],
-    scalar_change: Float[Array, "c 4"],
+    power: Float[Array, "c 3 n"],
+    scalar_power: Float[Array, "c 4"],
     n_sensors: int,
 ) -> Float[Array, "c d m"]:
-    """Columns F of the form tolerance: what the effects change, times smooth random factors.
+    """Columns F of the form tolerance: smooth random waveforms about where the effects act.
 
-    With two effects it is what both do together, weighted by the larger tolerance.
+    Their variance is the tolerated share of what each effect changes, squared, averaged over
+    neighbouring times: an equation may be wrong about how much and about when.
     """
-    scale = smooth_scale(FORM_LENGTH, FORM_HARMONICS)
+    lengths = [smooth_scale(length, FORM_HARMONICS) ** 2 for length in FORM_LENGTHS]
+    scale = np.sqrt(np.mean(lengths, axis=0))
     size = TO_SAMPLES.shape[1] // 2
     kept = np.r_[0 : FORM_HARMONICS + 1, size + 1 : size + 1 + FORM_HARMONICS]
     basis = jnp.asarray(TO_SAMPLES[:, kept] * scale)
-    C, m = change.shape[0], basis.shape[1]
+    near = correlation(FORM_SHIFT)
+    near = jnp.asarray(near / near.sum(axis=1, keepdims=True))
+    # the root has no slope at zero, and none is needed: nothing is differentiated here
+    envelope = jnp.sqrt(power @ near.T)
+    C, m = power.shape[0], basis.shape[1]
     rows = TO_SAMPLES.shape[1]
     F = jnp.zeros((C, W.shape[1], n_sensors * m + 4))
     for s in range(n_sensors):
-        block = jnp.einsum("qn,cn,nm->cqm", jnp.asarray(FROM_SAMPLES), change[:, s], basis)
+        block = jnp.einsum("qn,cn,nm->cqm", jnp.asarray(FROM_SAMPLES), envelope[:, s], basis)
         F = F.at[:, s * rows : (s + 1) * rows, s * m : (s + 1) * m].set(block)
-    own = jax.vmap(jnp.diag)(scalar_change)
+    own = jax.vmap(jnp.diag)(jnp.sqrt(scalar_power))
     F = F.at[:, n_sensors * rows :, n_sensors * m :].set(own)
-    return tolerance * W[..., None] * F
+    return W[..., None] * F

@@ -3,9 +3,10 @@
 A record holds C conditions. Where both pressures (and flow) were recorded over the beat, waveforms
 are used and means are not: they would count the same trace twice. Units: mmHg, mL/s, s.
 
-Noise of a waveform of n samples a beat: half white (share w), half correlated over 0.06 beat, and
-a slow offset of each trace. It is stationary, so that harmonics are independent: with κ_k the
-harmonics of the correlation k(Δ), the real and imaginary parts of harmonic k have the variance
+Noise of a waveform of n samples a beat: half white (share w), half correlated over a few hundredths
+of a beat, and a slow offset of each trace. No record states that length: k(Δ) is the mean of
+correlations over `NOISE_LENGTHS`. Noise is stationary, so that harmonics are independent: with κ_k
+the harmonics of k(Δ), the real and imaginary parts of harmonic k have the variance
 
     2 sd² (w/n + (1 − w) κ_k),      the mean has  sd² (w/n + (1 − w) κ_0) + offset²,
 
@@ -23,8 +24,8 @@ from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES
 WHITE_SHARE = 0.5
 """Share of the noise variance that is white."""
 
-NOISE_LENGTH = 0.06
-"""Correlation length of the rest [beats]."""
+NOISE_LENGTHS = (0.03, 0.042, 0.06, 0.085, 0.12)
+"""Correlation lengths that the rest may have [beats]."""
 
 OFFSET_SD_MMHG = 0.5
 """Slow offset of each pressure trace [mmHg]."""
@@ -88,6 +89,11 @@ def correlation(length: float) -> np.ndarray:
     return np.exp(-2.0 * distance**2 / (2.0 * np.pi * length) ** 2)
 
 
+def noise_correlation() -> np.ndarray:
+    """Correlation of the smooth part of the noise with the first sample."""
+    return np.mean([correlation(length)[0] for length in NOISE_LENGTHS], axis=0)
+
+
 def noise_sd(
     sd: Float[Array, ""],
     offset_sd: Float[Array, ""],
@@ -95,7 +101,7 @@ def noise_sd(
     white_share: Float[Array, ""],
 ) -> Float[Array, " m"]:
     """Standard deviations of a trace's real coefficients; infinite where not measured."""
-    spectrum = np.fft.rfft(correlation(NOISE_LENGTH)[0]).real[: HARMONICS + 1] / SAMPLES
+    spectrum = np.fft.rfft(noise_correlation()).real[: HARMONICS + 1] / SAMPLES
     smooth = (1.0 - white_share) * jnp.asarray(spectrum)
     power = sd**2 * (white_share / n_samples + smooth)
     seen = jnp.arange(1, HARMONICS + 1).astype(float) < 0.5 * n_samples

@@ -19,12 +19,11 @@ import numpy as np
 
 from diagnosis.circuit import SAMPLES
 from diagnosis.measured import (
-    NOISE_LENGTH,
     OFFSET_SD_MMHG,
     SENSORS,
     WHITE_SHARE,
     Measured,
-    correlation,
+    noise_correlation,
 )
 from diagnosis.prediction import P_SD_MMHG, R0_PRIOR, R0_SD_LOG
 
@@ -131,7 +130,7 @@ def noise_of(record: Record) -> Noise:
     variance = sum(float((d**2).sum()) for d in rest) / freedom
     lagged = sum(float((d * np.roll(d, -1, axis=1)).sum()) for d in rest) / freedom
     step = max(round(SAMPLES / rest[0].shape[1]), 1)
-    alike = correlation(NOISE_LENGTH)[0, step]
+    alike = noise_correlation()[step]
     smooth = np.clip(lagged / (max(variance, 1e-12) * alike), 0.0, 0.95)
     count = np.mean([d.shape[0] for d in rest])
     offset = np.sqrt(np.mean([m.var(ddof=1) / m.size for m in scatter]))

@@ -7,7 +7,8 @@ pressure and error of the pressure ratio before and after, beside what noise alo
 
 What is predicted after the diagnosis is the mean over all hypotheses by their probabilities
 (Hoeting et al. 1999, Stat Sci 14:382), the base model standing for "unknown"; it is the base model
-alone where the verdict is "unknown": nothing known can be added then.
+alone where the verdict is "unknown", since nothing known can be added, and where it is "no_gap",
+since nothing need be.
 """
 
 from typing import NamedTuple
@@ -49,7 +50,7 @@ class HeldOut(NamedTuple):
 def expected_waves(diagnosis: Diagnosis) -> np.ndarray:
     """What the sensors should show after the diagnosis, conditions × 3 sensors × samples."""
     base = np.asarray(diagnosis.base.waves)
-    if diagnosis.judgement.verdict == "unknown":
+    if diagnosis.judgement.verdict in ("unknown", "no_gap"):
         return base
     change = np.zeros_like(base)
     for hypothesis, fitted in diagnosis.fits.items():

@@ -1,8 +1,9 @@
 """From evidences to probabilities, and from probabilities to one of four verdicts.
 
-Prior: no gap 0.25; one effect 0.50, shared evenly; two effects 0.10, shared evenly; unknown 0.15,
-shared evenly over places, lengths and amplitudes of a free forcing. The inclusion probability of an
-effect is that of it alone plus that of its pairs.
+Prior: no gap 0.20; one effect 0.50, shared evenly; two effects 0.15, shared evenly; unknown 0.15,
+shared evenly over all kinds of a free forcing. With every effect or pair something that is not in
+the catalogue may act as well: that is `BESIDE` of its prior, and counts as "unknown". The inclusion
+probability of an effect is that of it alone, of its pairs, and of it beside something unknown.
 
 | verdict | when |
 |---|---|
@@ -22,8 +23,12 @@ import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import chi2 as chi2_distribution
 
-PRIOR = {"none": 0.25, "single": 0.50, "pair": 0.10, "unknown": 0.15}
+PRIOR = {"none": 0.20, "single": 0.50, "pair": 0.15, "unknown": 0.15}
 """Prior probability of each kind of hypothesis."""
+
+BESIDE = 0.06
+"""Probability that something outside the catalogue acts where an effect of it does: one of six
+causes has company (pair : single), and of two or three causes in ten nobody has thought."""
 
 NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
 """Thresholds of the verdict, see above."""
@@ -65,26 +70,35 @@ def key_of(hypothesis: Hypothesis) -> str:
 
 def probabilities_of(
     log_evidence: Mapping[Hypothesis, float],
-    forcing: np.ndarray,
+    forcing: Mapping[Hypothesis, np.ndarray],
     n_effects: int,
-) -> dict[str, float]:
+) -> tuple[dict[str, float], dict[Hypothesis, float]]:
     """Posterior probabilities; hypotheses that were not fitted count as impossible.
 
     Args:
         log_evidence: ln Z of none, singles and the pairs that were fitted.
-        forcing: ln Z of every place, length and amplitude of a free forcing.
+        forcing: ln Z of every kind of free forcing beside some of these.
         n_effects: number of effects in the catalogue.
+
+    Returns:
+        Of every hypothesis by its name, all that is "unknown" together; and its parts by what is
+        known to act beside it.
     """
     each = {
         0: PRIOR["none"],
         1: PRIOR["single"] / n_effects,
         2: PRIOR["pair"] / max(n_effects * (n_effects - 1) / 2, 1),
     }
-    logs = {key_of(h): np.log(each[len(h)]) + value for h, value in log_evidence.items()}
-    flat = forcing.reshape(-1)
-    logs["unknown"] = np.log(PRIOR["unknown"]) + logsumexp(flat) - np.log(flat.size)
-    total = logsumexp(list(logs.values()))
-    return {name: float(np.exp(value - total)) for name, value in logs.items()}
+    logs, beside = {}, {}
+    for h, value in log_evidence.items():
+        logs[h] = np.log(each[len(h)] * (1.0 - BESIDE if h else 1.0)) + value
+    for h, values in forcing.items():
+        prior = each[len(h)] * BESIDE if h else PRIOR["unknown"]
+        beside[h] = np.log(prior / values.size) + logsumexp(values)
+    total = logsumexp([*logs.values(), *beside.values()])
+    parts = {h: float(np.exp(value - total)) for h, value in beside.items()}
+    found = {key_of(h): float(np.exp(value - total)) for h, value in logs.items()}
+    return {**found, "unknown": sum(parts.values())}, parts
 
 
 def is_closed(chi2: float, base_chi2: float, n_data: int, n_fitted: int) -> bool:
@@ -99,29 +113,34 @@ def is_closed(chi2: float, base_chi2: float, n_data: int, n_fitted: int) -> bool
 def judge(
     probabilities: Mapping[str, float],
     effects: tuple[str, ...],
-    chi2: Mapping[Hypothesis, float],
+    misfit: Mapping[Hypothesis, float],
     n_data: int,
     n_unknowns: int,
+    beside: Mapping[Hypothesis, float] | None = None,
 ) -> Judgement:
     """The verdict on a record.
 
     Args:
         probabilities: of all hypotheses.
         effects: names of the catalogue.
-        chi2: of the fitted hypotheses.
+        misfit: χ² of the fitted hypotheses, in units of noise and form tolerance together.
         n_data: number of data.
         n_unknowns: unknowns of the base model.
+        beside: parts of "unknown" by the effects that act beside it.
     """
     inclusion = dict.fromkeys(effects, 0.0)
     for name, p in probabilities.items():
         for part in name.split("+"):
             if part in inclusion:
                 inclusion[part] += p
-    best = max(chi2, key=lambda h: probabilities[key_of(h)])
+    for hypothesis, p in (beside or {}).items():
+        for part in hypothesis:
+            inclusion[part] += p
+    best = max(misfit, key=lambda h: probabilities[key_of(h)])
     ranked = sorted(probabilities, key=lambda name: -probabilities[name])
     mass = np.cumsum([probabilities[name] for name in ranked])
     cover = tuple(ranked[: int(np.searchsorted(mass, COVER)) + 1])
-    closed = is_closed(chi2[best], chi2[()], n_data, n_unknowns + len(best))
+    closed = is_closed(misfit[best], misfit[()], n_data, n_unknowns + len(best))
     sure = tuple(e for e in effects if inclusion[e] >= NAMED)
     nearest = max(effects, key=lambda e: inclusion[e])
     if probabilities["none"] >= NO_GAP:

@@ -26,6 +26,7 @@ from diagnosis.effects import PLACES
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import Fitted, linearise, numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights
+from diagnosis.verdict import Hypothesis
 
 PHASES = {
     "early systole": (0.0, 0.2),
@@ -186,9 +187,15 @@ def rest_map(record: Measured) -> Map | None:
     return misfit_map(record, W * (np.asarray(data_of(record)) - shown))
 
 
-def forcing_shares(diagnosis: Diagnosis) -> dict[str, float]:
-    """Share of the free forcing's evidence at each of its places; they sum to one."""
-    flat = diagnosis.forcing.reshape(len(FORCED), -1)
+def forcing_shares(diagnosis: Diagnosis, beside: Hypothesis = ()) -> dict[str, float]:
+    """Share of the free forcing's evidence at each of its places; they sum to one.
+
+    Args:
+        diagnosis: the diagnosis.
+        beside: effects that act as well.
+    """
+    found = diagnosis.accompanied[beside] if beside else diagnosis.forcing
+    flat = found.reshape(len(FORCED), -1)
     logs = logsumexp(flat, axis=1) - np.log(flat.shape[1])
     shares = np.exp(logs - logsumexp(logs))
     return dict(zip(FORCED, (float(v) for v in shares), strict=True))
@@ -197,7 +204,9 @@ def forcing_shares(diagnosis: Diagnosis) -> dict[str, float]:
 def place_probabilities(diagnosis: Diagnosis) -> dict[str, float]:
     """Probability that a cause acts at each place, and "none"; pairs count half at either place.
 
-        p(place) = Σ_h p(h) (share of h's effects that act there) + p(unknown) forcing share
+        p(place) = Σ_h p(h) (share of h's causes that act there)
+
+    A free forcing, alone or beside effects, is a cause at the places where it explains the gap.
 
     The forcing alone would mislead where an effect's trace can be had at two places: inertance of
     the ostium looks like a free flow into the wall.
@@ -207,11 +216,14 @@ def place_probabilities(diagnosis: Diagnosis) -> dict[str, float]:
     for name, p in diagnosis.judgement.probabilities.items():
         if name == "none":
             found["none"] += p
-        elif name == "unknown":
-            for place, share in forcing_shares(diagnosis).items():
-                found[place.split()[-1]] += p * share
-        else:
+        elif name != "unknown":
             parts = name.split("+")
             for part in parts:
                 found[places[part]] += p / len(parts)
+    for hypothesis, p in diagnosis.beside.items():
+        each = p / (1 + len(hypothesis))
+        for part in hypothesis:
+            found[places[part]] += each
+        for place, share in forcing_shares(diagnosis, hypothesis).items():
+            found[place.split()[-1]] += each * share
     return found

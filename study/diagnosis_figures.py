@@ -15,6 +15,9 @@ Document = Mapping[str, Any]
 LARGEST_Z = 10.0
 """z at which a map's colour saturates."""
 
+SMALLEST_BAR = 0.005
+"""Probability below which a cause has no bar."""
+
 _SITES = {
     "P_aorta": "aortic", "P_distal": "distal", "Q": "flow", "mean_P_aorta": "aortic mean",
     "mean_P_distal": "distal mean", "ffr": "ratio", "mean_Q": "mean flow",
@@ -39,7 +42,11 @@ def causes(document: Document) -> str:
     """Ranked bars of the probabilities."""
     shown = [(k, v) for k, v in document["probabilities"].items() if k != "other pairs"]
     always = {"none", "unknown"}
-    top = [item for k, item in enumerate(shown) if k < 6 or item[0] in always]
+    top = [
+        item
+        for k, item in enumerate(shown)
+        if k == 0 or (k < 6 and item[1] >= SMALLEST_BAR) or item[0] in always
+    ]
     with rc_context(STYLE):
         figure = Figure(figsize=(7.4, 0.34 * len(top) + 0.9), layout="constrained")
         axes = figure.add_subplot()
@@ -150,12 +157,13 @@ def ladder(document: Document) -> str:
     with rc_context(STYLE):
         figure = Figure(figsize=(8.2, 0.8 * len(rows) + 1.2), layout="constrained")
         for axes, (kind, label) in zip(figure.subplots(1, 2), kinds, strict=True):
+            digits = ".2f" if kind.startswith("P_") else ".3f"
             for k, row in enumerate(rows):
                 for s, (step, colour, _) in enumerate(steps):
                     if row[kind] is not None:
                         value = row[kind][step]
                         axes.barh(k + 0.26 * (s - 1), value, height=0.22, color=colour)
-                        axes.text(value, k + 0.26 * (s - 1), f" {value:.3g}", va="center",
+                        axes.text(value, k + 0.26 * (s - 1), f" {value:{digits}}", va="center",
                                   fontsize=8)  # fmt: skip
             axes.set_yticks(range(len(rows)), [r["condition"].replace("_", " ") for r in rows])
             axes.invert_yaxis()

@@ -10,6 +10,7 @@ from diagnosis.circuit import PHASE
 from diagnosis.measured import SENSORS
 from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.shrink import Shrink, expected_waves, fitted_gap, held_out_gap
+from diagnosis.verdict import key_of
 from diagnosis.where import (
     DRAWS,
     Map,
@@ -18,6 +19,7 @@ from diagnosis.where import (
     place_probabilities,
     rest_map,
 )
+from study.diagnosis_words import sentence, to_do
 
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE = "plan.json"
@@ -53,6 +55,7 @@ def diagnosis_document(
         "id": record.id,
         "verdict": judgement.verdict,
         "sentence": sentence(diagnosis),
+        "to_do": to_do(diagnosis, names),
         "named": list(judgement.named),
         "probabilities": _listed(judgement.probabilities),
         "inclusion": {k: round(v, 6) for k, v in judgement.inclusion.items()},
@@ -62,6 +65,7 @@ def diagnosis_document(
         "where_after_rest_alone": None if rest is None else _blocks(rest, names),
         "place_in_model": place_probabilities(diagnosis),
         "free_forcing": forcing_shares(diagnosis),
+        "unknown_beside": {key_of(h): round(p, 6) for h, p in diagnosis.beside.items()},
         "smallest_global_p": 1.0 / (DRAWS + 1),
         "gap": {
             "fitted": fitted._asdict(),
@@ -89,27 +93,6 @@ def diagnosis_document(
         "provenance": provenance,
         "waveforms": _waveforms(record, diagnosis),
     }
-
-
-def sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in a sentence or two."""
-    judgement, effects = diagnosis.judgement, diagnosis.effects
-    if judgement.verdict == "no_gap":
-        return (
-            "No gap can be demonstrated: measurement error and the patient's unknowns explain the "
-            "record. Effects that calibration absorbs may still act."
-        )
-    if judgement.verdict == "named":
-        parts = [find_effect(effects, name).sentence for name in judgement.named]
-        return f"The gap is explained: {'; and '.join(parts)}."
-    if judgement.verdict == "unknown":
-        near = ", ".join(judgement.named).replace("_", " ")
-        return (
-            "There is a gap, and no effect of the catalogue explains it fully. The nearest is "
-            f"{near}; what is left points to something not in the catalogue."
-        )
-    names = ", ".join(name.replace("_", " ") for name in judgement.named)
-    return f"There is a gap; the data cannot tell between: {names}."
 
 
 def _listed(probabilities: Mapping[str, float]) -> dict[str, float]:

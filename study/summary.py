@@ -28,6 +28,7 @@ def _diagnosis(document: Document) -> Iterator[str]:
     yield f"{document['id']}"
     yield ""
     yield document["sentence"]
+    yield from (f"- {step}" for step in document.get("to_do", []))
     yield ""
     for name, p in list(document["probabilities"].items())[:6]:
         yield f"  {name.replace('_', ' '):<44}{p:>7.3f}"

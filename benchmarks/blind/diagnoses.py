@@ -41,8 +41,8 @@ def row_of(d: Diagnosis) -> dict[str, Any]:
     """What is kept of a diagnosis, for the score."""
     j = d.judgement
     singles = {h[0]: f for h, f in d.fits.items() if len(h) == 1}
-    bic = {name: float(f.chi2) + float(f.x @ f.x) + np.log(d.n_data) for name, f in singles.items()}
-    base = float(d.base.chi2) + float(d.base.x @ d.base.x)
+    bic = {name: float(f.cost) + np.log(d.n_data) for name, f in singles.items()}
+    base = float(d.base.cost)
     best = min(bic, key=lambda name: bic[name])
 
     def wave(waves: Any) -> list[float]:

@@ -120,13 +120,16 @@ def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:
              "|---|---|---|---|---|"]  # fmt: skip
     worst = []
     for place, d in zip(places, diagnose(batch), strict=True):
-        p = d.judgement.probabilities
-        ranked = sorted(d.fits, key=lambda h: -p[key_of(h)])[:SHOWN]
-        stated = np.array([p[key_of(h)] for h in ranked])
-        stated /= stated.sum()
+        ranked = sorted(d.fits, key=lambda h: -d.log_B[h] - np.log(prior[len(h)]))[:SHOWN]
         found = [sampled_log_evidence(d, h) for h in ranked]
-        logs = np.array([f[0] + np.log(prior[len(h)]) for f, h in zip(found, ranked, strict=True)])
-        sampled = np.exp(logs - logsumexp(logs))
+        share = np.log([prior[len(h)] for h in ranked])
+        stated, sampled = (
+            np.exp(logs - logsumexp(logs))
+            for logs in (
+                share + np.array([d.log_B[h] for h in ranked]),
+                share + np.array([f[0] for f in found]),
+            )
+        )
         worst.append(float(np.abs(sampled - stated).max()))
         lines.append(
             f"| {place.name} | {', '.join(key_of(h) for h in ranked)} | "

@@ -36,6 +36,13 @@ def expected_calibration_error(p: np.ndarray, hit: np.ndarray, bins: int = 10) -
     return float(np.sum(gaps) / p.size)
 
 
+def expected_error_if_calibrated(p: np.ndarray, draws: int = 400) -> float:
+    """What `expected_calibration_error` is on average where every statement is honest."""
+    rng = np.random.default_rng(0)
+    hits = rng.random((draws, p.size)) < p
+    return float(np.mean([expected_calibration_error(p, hit.astype(float)) for hit in hits]))
+
+
 def ranked(row: Row) -> list[str]:
     """Effects by inclusion probability; "none" and "unknown" take no rank."""
     return sorted(row["inclusion"], key=lambda name: -row["inclusion"][name])
@@ -99,6 +106,7 @@ def score(rows: list[Row]) -> dict[str, str]:
         "pair: both": wilson(sum(set(ranked(r)[:2]) == set(truth(r)) for r in pair), len(pair)),
         **_by_detectability(single),
         "ECE": f"{expected_calibration_error(p, hit):.3f}",
+        "ECE of honest statements": f"{expected_error_if_calibrated(p):.3f}",
         "held-out shrink": f"{np.median([a for a, _ in shrink]):.2f}" if shrink else "-",
         "of oracle": f"{np.median([b for _, b in shrink]):.2f}" if shrink else "-",
         "shrink / oracle": f"{np.median(ratio):.2f}" if ratio else "-",

@@ -8,7 +8,13 @@ from benchmarks.blind.cases import Cases, seal, unseal
 from benchmarks.blind.diagnoses import diagnose_folder
 from benchmarks.blind.grid import grid_figure, grid_table
 from benchmarks.blind.sample import sampled_log_evidence
-from benchmarks.blind.score import expected_calibration_error, misses, ranked, score
+from benchmarks.blind.score import (
+    expected_calibration_error,
+    expected_error_if_calibrated,
+    misses,
+    ranked,
+    score,
+)
 from diagnosis import CATALOGUE, diagnose, measured, stacked
 from study.cache import VARIABLE
 from study.record_file import read_record
@@ -102,3 +108,5 @@ def test_calibration_error_of_honest_and_of_boastful_statements():
     p = np.full(1000, 0.8)
     assert expected_calibration_error(p, np.arange(1000) % 5 > 0) == pytest.approx(0.0, abs=1e-12)
     assert expected_calibration_error(p, np.arange(1000) % 2 > 0) == pytest.approx(0.3, abs=1e-12)
+    # 1000 statements of one probability: √(2 p (1 − p)/(π n))
+    assert expected_error_if_calibrated(p) == pytest.approx(0.0101, rel=0.1)

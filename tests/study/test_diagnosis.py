@@ -54,6 +54,8 @@ def test_the_page_shows_every_part(document, folder):
     page = (folder.parent / "drifting-results/diagnosis.html").read_text(encoding="utf-8")
     for heading in HEADINGS:
         assert heading in page
+    assert "Add to the model: inertance" in page
+    assert "Checked on dobutamine high" in page
     floor = document["smallest_global_p"]
     assert document["where"][0]["global_p"] >= floor
     if document["where"][0]["global_p"] == pytest.approx(floor):

@@ -1,0 +1,27 @@
+"""Published measurements whose missing effect is known; slow, and only where the data are."""
+
+import pytest
+
+from benchmarks import published
+
+
+@pytest.mark.slow
+def test_withheld_effects_of_published_data_are_found(shared_data):
+    assert shared_data == published.SHARED
+    found = published.run()
+    assert found["rows"]
+    for row in found["rows"]:
+        assert row["right"], row
+
+
+def test_resistance_of_the_nozzle_is_mostly_the_throat():
+    throat = 8.0 * published.MU * 4.0 / (3.141592653589793 * published.NARROW**4) / published.MMHG
+    # cone and wide tubes add a ninth
+    assert published.poiseuille_resistance() == pytest.approx(throat, rel=0.15)
+
+
+def test_missing_data_are_said(monkeypatch, tmp_path):
+    monkeypatch.setattr(published, "SHARED", tmp_path)
+    found = published.run()
+    assert found["rows"] == []
+    assert "not there" in found["notes"]

@@ -1,6 +1,7 @@
 """Shared set-up: runtime shape checks, strict promotion, and the folder of unshipped data."""
 
 import gc
+import os
 import pathlib
 from collections.abc import Iterator
 
@@ -8,6 +9,10 @@ import equinox as eqx
 import jax
 import pytest
 from jaxtyping import install_import_hook
+
+# One thread a process, before XLA starts: there is a process on each core, and in the batches of
+# factorisations of a diagnosis two threads of XLA have waited for each other for ever.
+os.environ.setdefault("NPROC", "1")
 
 with install_import_hook(
     ["lumped", "jaxfsi", "calibration", "diagnosis", "study"], "beartype.beartype"

@@ -3,7 +3,7 @@
 The coefficients of the blood's equations (what carries, unresolved velocity, stabilisation,
 viscosity) belong to the iterate, see `renewed`. Extrapolated they save a correction where flow is
 slow; in a slit of 0.7 mm the error they bring made a septum flutter apart at a drop of 20 mmHg and
-Δt = 2 ms, which does not move at all without it.
+Δt = 2 ms, which stays calm without it.
 
 Only the geometry is explicit: the interface's displacement at the end of the step is extrapolated
 from the last two, with second order, and moves the blood's mesh. To extrapolate by velocity and

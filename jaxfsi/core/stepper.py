@@ -47,8 +47,8 @@ def prepare(
         dt: length of a step [s].
         model: the model.
         rho_infinity: damping of the highest frequency, see `generalized_alpha`.
-        tolerance: by how much the residual of the extrapolated state is reduced. At 1e-3 the
-            fields of the elastic tube differ by 2e-5 from those of an exact solve.
+        tolerance: by how much the residual of the extrapolated state is reduced; ten times
+            that may be left by coefficients of an earlier iterate (`newton.SLACK`).
         max_linear: iterations of GMRES at most.
         max_nonlinear: linear systems a step at most.
 

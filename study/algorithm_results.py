@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.algorithm import CURVE, LOOP, NOMINAL, PAPER, StudyResult, shown_runs
+from study.case import WindkesselParameters
 from study.findings import FFR_THRESHOLD
 from study.lumen_motion import measured_states
 from study.patient import LINEAR, QUADRATIC
@@ -235,14 +236,14 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
                 f"{run['folder']}: {run['repeated']} steps failed and were repeated with smaller"
                 " ones",
             )
-        yield from _aortic_flow(run)
+        yield from _aortic_flow(run, result.bench.case.windkessel)
     for name, reason in result.failures.items():
         yield "warning", f"{name} could not be differentiated: {reason}"
     for law, reason in result.reduced.failures.items():
         yield "warning", f"the {law} surrogate could not be calibrated: {reason}"
 
 
-def _aortic_flow(run: Document) -> Iterator[tuple[str, str]]:
+def _aortic_flow(run: Document, windkessel: WindkesselParameters) -> Iterator[tuple[str, str]]:
     """Flow in the aorta that no heart makes."""
     cycle = run["cycles"][-1]
     offset, flow = cycle.get("site_offset_mmHg", 0.0), cycle["ports"].get(OUTLET)
@@ -251,12 +252,13 @@ def _aortic_flow(run: Document) -> Iterator[tuple[str, str]]:
     low, high = (flow[f"{key}_Q_ml_per_min"] / 1000.0 for key in ("least", "largest"))
     if abs(offset) < _LARGE_OFFSET_MMHG and max(-low, high) < _LARGE_FLOW_L_PER_MIN:
         return
+    paper = windkessel.characteristic == "paper"
+    cure = '; try characteristic = "impedance" below [windkessel]' if paper else ""
     yield (
         "warning",
         f"{run['folder']}: the flow in the aorta, {low:.0f} to {high:.0f} l/min, is not to be read:"
         " it is what the Windkessel takes under the given pressure. Its velocity head makes the"
-        f" mean pressure at the ostium differ by {offset:.1f} mmHg from that at the inlet; try"
-        ' characteristic = "impedance" below [windkessel]',
+        f" mean pressure at the ostium differ by {offset:.1f} mmHg from that at the inlet{cure}",
     )
 
 

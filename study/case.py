@@ -145,11 +145,11 @@ class WindkesselParameters:
     """The Windkessel behind the aorta of a 3D run.
 
     Attributes:
-        characteristic: its resistance in series: the 10 dyn·s/cm⁵ of the paper, or the
-            characteristic `impedance` of the aorta at its outlet.
+        characteristic: its resistance in series: the characteristic `impedance` of the aorta at its
+            outlet, or the 10 dyn·s/cm⁵ of the `paper`.
     """
 
-    characteristic: Literal["paper", "impedance"] = "paper"
+    characteristic: Literal["impedance", "paper"] = "impedance"
 
 
 @dataclasses.dataclass(frozen=True)

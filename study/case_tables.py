@@ -85,7 +85,7 @@ STRESS = (Word("rule", ("printed", "all"), default="printed"),)
 STRESS_FACTORS = tuple(
     Quantity(name, "number", "", 0.01, 100.0, 1.0) for name in ("R_1", "R_2", "R_3", "C_a", "C_im")
 )
-WINDKESSEL = (Word("characteristic", ("paper", "impedance"), default="paper"),)
+WINDKESSEL = (Word("characteristic", ("impedance", "paper"), default="impedance"),)
 SOLVER = (
     Quantity("dt", "time", "s", 1.0e-7, 0.1),
     Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),

@@ -7,12 +7,12 @@
 | an anomalous outlet | five-element coronary bed, its resistances times alpha |
 | every other outlet | the coronary bed of the case, not scaled |
 
-Under stress the rule of the case changes all blocks. In series with the Windkessel stand the 10
-dyn·s/cm⁵ of the paper. With them the inertia of the blood in the aorta and the compliance behind it
-swing against each other: where the pressure is given, up to 150 l/min pass a child's aorta to and
-fro under dobutamine, and their velocity head adds 13 mmHg to the mean pressure at the ostium. The
-characteristic impedance of the aorta, which a case can have instead, sends no wave back, and stays
-under stress; there are 36 l/min then, and 1 mmHg.
+Under stress the rule of the case changes all blocks. In series with the Windkessel stands the
+characteristic impedance of the aorta, which sends no wave back; it stays as it is under stress. A
+case can have the 10 dyn·s/cm⁵ of the paper instead. With them the inertia of the blood in the aorta
+and the compliance behind it swing against each other: where the pressure is given, up to 150 l/min
+pass a child's aorta to and fro under dobutamine (36 with the impedance), and their velocity head
+adds 13 mmHg to the mean pressure at the ostium (1 mmHg).
 
 Each block starts from the periodic state that it has in 0D behind the aortic pressure (the
 anomalous one behind the surrogate of its artery), so that no cycles are lost on filling it; the

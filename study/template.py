@@ -90,9 +90,9 @@ R0_dyn_s_per_cm5 = 5.0e3            # may be left out with an ivus anatomy
 #rule = "printed"
 # [stress.factors] takes R_1, R_2, R_3, C_a, C_im (each 1.0 where absent) in place of rule.
 
-# In series behind the aorta in 3D: the paper's 10 dyn s/cm5, or its characteristic impedance.
+# In series behind the aorta in 3D: its characteristic impedance, or the paper's 10 dyn s/cm5.
 #[windkessel]
-#characteristic = "paper"           # paper | impedance
+#characteristic = "impedance"       # impedance | paper
 
 #[mesh]
 #preset = "medium"                  # coarse | medium | fine: 30k, 150k, 500k tetrahedra

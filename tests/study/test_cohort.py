@@ -1,6 +1,7 @@
 """Cases side by side in the 0D mode: one of them at fault, resumed, changed."""
 
 import json
+import re
 
 import pytest
 
@@ -126,6 +127,17 @@ def test_drugs_apart_change_adenosine_alone():
     assert apart["conditions"]["adenosine"]["exact"] > apart["conditions"]["rest"]["exact"] - 0.01
 
 
+def assert_same_text(kept: str, made: str):
+    """The same words, and the same numbers but for their last printed digit.
+
+    The last of five or six digits of a computed number may round otherwise on another processor.
+    """
+    number = re.compile(r"(?<![\w-])-?\d+\.\d+(?:e[+-]?\d+)?")
+    assert number.sub("#", kept) == number.sub("#", made)
+    found, wanted = (list(map(float, number.findall(text))) for text in (made, kept))
+    assert found == pytest.approx(wanted, rel=1e-4)
+
+
 def test_virtual_cohort_is_what_its_script_makes():
     made = patients()
     assert [p["side"] for p in made].count("left") == 3
@@ -133,7 +145,8 @@ def test_virtual_cohort_is_what_its_script_makes():
     folder = demo_cohort_path()
     truth = json.loads((folder / "truth.json").read_text())
     for patient in made:
-        assert (folder / patient["id"] / "case.toml").read_text() == case_text(patient)
+        assert_same_text((folder / patient["id"] / "case.toml").read_text(), case_text(patient))
         kept = truth["patients"][patient["id"]]["exact_ratios"]
         for name, entry in patient["conditions"].items():
-            assert kept[name] == pytest.approx(entry["exact"], rel=1e-9)
+            # processors choose other steps within the integrator's tolerance: 3e-7 was seen
+            assert kept[name] == pytest.approx(entry["exact"], rel=3e-6)

@@ -213,14 +213,24 @@ def test_blocks_start_in_the_periodic_state(case_file):
         assert entry.P_diastolic * 0.7 < starts["aorta_outlet"][0] < entry.P_systolic
         assert entry.P_diastolic * 0.7 < starts["anomalous_outlet"][0] < entry.P_systolic
     # half of (2 P_diastolic + P_systolic)/3 / CO at rest
-    R_stress = setup.outlets.blocks["aorta_outlet"].R_distal
-    assert float(R_stress) == pytest.approx(0.5 * (130.0 + 110.0) / 3.0 * MMHG / 75.0)
+    block = setup.outlets.blocks["aorta_outlet"]
+    R_stress = float(block.R_proximal + block.R_distal)
+    assert R_stress == pytest.approx(0.5 * (130.0 + 110.0) / 3.0 * MMHG / 75.0)
+
+
+def test_resistance_in_series_can_be_the_papers(case_file):
+    case = dataclasses.replace(read_case(case_file), windkessel=WindkesselParameters("paper"))
+    plan = plan_steps(case, "rest")
+    setup = prepare_simulation(case, _three_openings(0), "rest", plan, rigid=True)
+    block = setup.outlets.blocks["aorta_outlet"]
+    assert float(block.R_proximal) == pytest.approx(10.0)
+    assert float(block.R_distal) == pytest.approx((130.0 + 110.0) / 3.0 * MMHG / 75.0)
 
 
 def test_impedance_in_series_keeps_the_whole_resistance(case_file):
     case = read_case(case_file)
     wall = dataclasses.replace(case.wall, E=1e5)  # the impedance stays below half of the whole
-    case = dataclasses.replace(case, wall=wall, windkessel=WindkesselParameters("impedance"))
+    case = dataclasses.replace(case, wall=wall, windkessel=WindkesselParameters())
     mesh, found = _three_openings(0), {}
     for condition in ("rest", "exercise"):
         setup = prepare_simulation(case, mesh, condition, plan_steps(case, condition), rigid=True)

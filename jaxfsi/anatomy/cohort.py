@@ -116,7 +116,9 @@ def _parent(row: Published) -> tuple[float, float]:
         law = scipy.stats.truncnorm((row.low - mean) / sd, (row.high - mean) / sd, mean, sd)
         return [(law.mean() - row.mean) / row.sd, law.std() / row.sd - 1.0]
 
-    solution = scipy.optimize.least_squares(mismatch, [row.mean, math.log(row.sd)])
+    # to round-off: what is drawn shall not depend on where an iteration ends on some processor
+    start, least = [row.mean, math.log(row.sd)], 1e-15
+    solution = scipy.optimize.least_squares(mismatch, start, ftol=least, xtol=least, gtol=least)
     return float(solution.x[0]), math.exp(float(solution.x[1]))
 
 

@@ -148,5 +148,4 @@ def test_virtual_cohort_is_what_its_script_makes():
         assert_same_text((folder / patient["id"] / "case.toml").read_text(), case_text(patient))
         kept = truth["patients"][patient["id"]]["exact_ratios"]
         for name, entry in patient["conditions"].items():
-            # processors choose other steps within the integrator's tolerance: 3e-7 was seen
-            assert kept[name] == pytest.approx(entry["exact"], rel=3e-6)
+            assert kept[name] == pytest.approx(entry["exact"], rel=1e-7)

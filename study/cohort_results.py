@@ -143,6 +143,18 @@ def _of_run(document: Document) -> Iterator[_Value]:
             yield run["condition"], run["rule"], run["boundary"], ratio
 
 
+def ratio_rows(document: Document) -> list[Document]:
+    """The pairs of a cohort's document, all predictions of a patient and condition in one row."""
+    found: dict[tuple[Any, ...], Document] = {}
+    for pair in document["pairs"]:
+        p = Pair(**pair)
+        row = {"patient": p.patient, "condition": p.condition, "rule": p.rule}
+        row |= {"measured": p.measured, "predicted": {}}
+        key = (*_place((p.condition, p.rule)), p.patient)
+        found.setdefault(key, row)["predicted"][p.boundary] = p.predicted
+    return [found[key] for key in sorted(found)]
+
+
 def _groups(pairs: Sequence[Pair]) -> Iterator[Document]:
     """Agreement of each condition, rule and boundary."""
     settings = dict.fromkeys((p.condition, p.rule, p.boundary) for p in pairs)

@@ -84,6 +84,7 @@ def test_groups_hold_the_differences_of_the_cases(cohort):
     assert rest["rmse"] < 1e-9  # calibrated
     page = (cohort.folder / "cohort.html").read_text()
     assert page.count("<svg") == 3
+    assert f"{predicted:.4f} ({errors[0]:+.4f})".replace("-", "−") in page
 
 
 @pytest.mark.slow

@@ -29,6 +29,11 @@ IN_BOUNDS = "promise_in_bounds"
 """Nodes of elements exist: their indices are not checked in each kernel."""
 
 
+def gathered(field: Float[Array, " n"], index: Int[Array, "*places"]) -> Float[Array, "*places"]:
+    """Entries of a field at indices that exist."""
+    return field.at[index].get(mode=IN_BOUNDS, wrap_negative_indices=False)
+
+
 class Geometry(NamedTuple):
     """Shape of the elements.
 
@@ -91,9 +96,7 @@ Corners = tuple[Float[Array, " tets"], ...]
 
 def corners(field: Float[Array, " nodes"], tets: Int[Array, "4 tets"]) -> Corners:
     """Values of a scalar field at the corners of the elements."""
-    return tuple(
-        field.at[tets[a]].get(mode=IN_BOUNDS, wrap_negative_indices=False) for a in range(4)
-    )
+    return tuple(gathered(field, tets[a]) for a in range(4))
 
 
 def vector_corners(

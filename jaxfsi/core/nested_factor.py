@@ -26,11 +26,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 from scipy.sparse.csgraph import connected_components, dijkstra
+
+from jaxfsi.core.elements import IN_BOUNDS, gathered
 
 LEAF = 200
 """Unknowns that are not dissected further."""
@@ -118,7 +121,12 @@ def nested_factor(
         (np.ones(entries.nnz), (entries.row // block, entries.col // block)),
         shape=(n_unknowns // block,) * 2,
     )
-    fronts = list(_eliminated(matrix, graph, _dissection(graph, points, LEAF // block), block))
+    tree = _dissection(graph, points, LEAF // block)
+    # kept in the wanted precision from the start: in double precision they are most of the memory
+    fronts = [
+        f._replace(inverse=f.inverse.astype(dtype), coupling=f.coupling.astype(dtype))
+        for f in _eliminated(matrix, graph, tree, block)
+    ]
     batches = []
     for depth in range(max((f.depth for f in fronts), default=-1), -1, -1):
         level = [f for f in fronts if f.depth == depth and len(f.own)]
@@ -287,12 +295,29 @@ def nested_solve(factor: NestedFactor, b: Float[Array, " unknowns"]) -> Float[Ar
     if not factor.batches:
         return b
     y = jnp.append(b.astype(factor.batches[0].inverse.dtype), 0.0)
+    solved = []
     for batch in factor.batches:
-        pushed = jnp.einsum("kbs,ks->kb", batch.coupling, y[batch.own])
-        y = y.at[batch.above].add(-pushed)
-    x = y
-    for batch in reversed(factor.batches):
-        own = jnp.einsum("kst,kt->ks", batch.inverse, y[batch.own])
-        own = own - jnp.einsum("kbs,kb->ks", batch.coupling, x[batch.above])
-        x = x.at[batch.own].set(own).at[-1].set(0.0)
-    return x[:-1].astype(b.dtype)
+        own = gathered(y, batch.own)
+        solved.append(jnp.einsum("kst,kt->ks", batch.inverse, own))
+        pushed = jnp.einsum("kbs,ks->kb", batch.coupling, own)
+        y = y.at[batch.above].add(-pushed, mode=IN_BOUNDS, wrap_negative_indices=False)
+    for batch, own in zip(reversed(factor.batches), reversed(solved), strict=True):
+        pulled = jnp.einsum("kbs,kb->ks", batch.coupling, gathered(y, batch.above))
+        y = y.at[batch.own].set(own - pulled, mode=IN_BOUNDS, wrap_negative_indices=False)
+    return y[:-1].astype(b.dtype)
+
+
+def nested_solve_once(
+    factor: NestedFactor, b: Float[np.ndarray, " unknowns"]
+) -> Float[np.ndarray, " unknowns"]:
+    """The same on the host, for a solution that is not worth a compilation."""
+    y = np.append(b, 0.0)
+    batches = [jax.tree.map(np.asarray, batch) for batch in factor.batches]
+    for batch in batches:
+        np.subtract.at(y, batch.above, (batch.coupling @ y[batch.own][..., None])[..., 0])
+    for batch in reversed(batches):
+        down = batch.inverse @ y[batch.own][..., None]
+        up = np.swapaxes(batch.coupling, 1, 2) @ y[batch.above][..., None]
+        y[batch.own] = (down - up)[..., 0]
+        y[-1] = 0.0
+    return y[:-1]

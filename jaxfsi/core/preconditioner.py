@@ -19,7 +19,6 @@ Schur complement; 5 with an exact blood block.
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
@@ -37,7 +36,12 @@ from jaxfsi.core.assembly import (
 from jaxfsi.core.elements import added
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
-from jaxfsi.core.nested_factor import NestedFactor, nested_factor, nested_solve
+from jaxfsi.core.nested_factor import (
+    NestedFactor,
+    nested_factor,
+    nested_solve,
+    nested_solve_once,
+)
 from jaxfsi.core.stencil import apply, columns_of, neighbours
 from jaxfsi.core.wall_blocks import edge_blocks, vertex_block
 from jaxfsi.core.wall_elements import Weights
@@ -193,8 +197,7 @@ def _wall_response(blocks, wall, wall_nodes, interface) -> Float[np.ndarray, " n
         return response
     ones = np.ones(len(interface))
     push = np.stack([-(G @ ones)[wall_nodes] for G in blocks.G], axis=1)
-    solved = jax.jit(nested_solve)(wall, jnp.asarray(push.ravel()))
-    velocity = np.asarray(solved).reshape(-1, 3)
+    velocity = nested_solve_once(wall, push.ravel()).reshape(-1, 3)
     for i in range(3):
         field = np.zeros(len(interface))
         field[wall_nodes] = velocity[:, i]

@@ -17,6 +17,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
+from jaxfsi.core.elements import gathered
+
 Values = Float[Array, "columns nodes"]
 
 
@@ -100,5 +102,5 @@ def apply(
     # Written out, one column at a time: XLA makes a single loop of it.
     total = jnp.zeros_like(field)
     for k in range(values.shape[0]):
-        total = total + values[k] * field[neighbour[k]]
+        total = total + values[k] * gathered(field, neighbour[k])
     return total

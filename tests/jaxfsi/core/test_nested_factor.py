@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from jaxfsi.core.nested_factor import LEAF, nested_factor, nested_solve
+from jaxfsi.core.nested_factor import LEAF, nested_factor, nested_solve, nested_solve_once
 
 
 def _graph(rng: np.random.Generator, n: int, reach: int, gaps: tuple[int, ...] = ()) -> np.ndarray:
@@ -106,6 +106,7 @@ def test_batch_equals_loop_and_jit_equals_eager():
     # The same products in another order of summation.
     np.testing.assert_allclose(jax.vmap(nested_solve, (None, 0))(factor, b), loop, rtol=1e-13)
     np.testing.assert_allclose(jax.jit(nested_solve)(factor, b[0]), loop[0], rtol=1e-13)
+    np.testing.assert_allclose(nested_solve_once(factor, np.asarray(b[0])), loop[0], rtol=1e-12)
 
 
 def test_singular_matrix_is_refused_with_advice():

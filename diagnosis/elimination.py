@@ -1,13 +1,23 @@
-"""Linear systems inside compiled loops, by plain elimination.
+"""Linear systems inside compiled programs, by plain elimination.
 
-Gauss-Jordan elimination without exchanges of rows, stable where the symmetric part of the matrix is
-positive definite (up to a diagonal scaling). It stands in for LAPACK because batched LAPACK calls
-inside a compiled loop can wait forever for XLA's own thread pool on machines with two cores.
+Without exchanges of rows: stable where the symmetric part of the matrix is positive definite (up to
+a diagonal scaling). With A = [[A_11, A_12], [A_21, A_22]],
+
+    S = A_22 − A_21 A_11⁻¹ A_12,      ln|A_11| = Σ ln(pivots).
+
+It stands in for LAPACK. Some versions of jaxlib (0.10 is one) cut a batch of factorisations into
+tasks for XLA's threads and let the thread that asked wait for them: where as many batches are asked
+for at once as there are threads, all wait and none works, for ever. Two are enough on two cores.
+
+Source: Golub & Van Loan 2013, Matrix Computations, sections 3.2 and 4.2 (block Cholesky).
 """
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+PANEL = 8
+"""Rows of the factor made at a time: the loop over pivots sees these alone."""
 
 
 def solve_definite(A: Float[Array, "n n"], B: Float[Array, "n m"]) -> Float[Array, "n m"]:
@@ -17,10 +27,63 @@ def solve_definite(A: Float[Array, "n n"], B: Float[Array, "n m"]) -> Float[Arra
         A: matrix with a positive definite symmetric part.
         B: right-hand sides.
     """
+    return solve_with_log_det(A, B)[0]
+
+
+def solve_with_log_det(
+    A: Float[Array, "n n"], B: Float[Array, "n m"]
+) -> tuple[Float[Array, "n m"], Float[Array, ""]]:
+    """X with A X = B by Gauss-Jordan elimination, and ln|A|.
+
+    Args:
+        A: matrix with a positive definite symmetric part.
+        B: right-hand sides.
+    """
     n = A.shape[0]
 
-    def step(k: Array, M: Array) -> Array:
+    def step(k: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        M, log_det = state
         row = M[k] / M[k, k]
-        return (M - M[:, k][:, None] * row[None, :]).at[k].set(row)
+        eliminated = (M - M[:, k][:, None] * row[None, :]).at[k].set(row)
+        return eliminated, log_det + jnp.log(M[k, k])
 
-    return jax.lax.fori_loop(0, n, step, jnp.concatenate([A, B], axis=1))[:, n:]
+    start = jnp.concatenate([A, B], axis=1), jnp.zeros(())
+    M, log_det = jax.lax.fori_loop(0, n, step, start)
+    return M[:, n:], log_det
+
+
+def schur_complement(
+    A: Float[Array, "n n"], count: int
+) -> tuple[Float[Array, "r r"], Float[Array, ""]]:
+    """What is left of a symmetric matrix once its first rows and columns are eliminated.
+
+    With A_11 = UᵀU and V = U⁻ᵀ A_12 what is left is A_22 − VᵀV; rows of [U, V] are made by blocks.
+
+    Args:
+        A: symmetric matrix whose leading block A_11 is positive definite.
+        count: rows of that block (static).
+
+    Returns:
+        S, and ln|A_11|.
+    """
+    log_det, U = jnp.zeros(()), jnp.zeros((0, A.shape[0]))
+    for first in range(0, count, PANEL):
+        p = min(PANEL, count - first)
+        rows = A[first : first + p, first:] - U[:, :p].T @ U
+        both = _cholesky_rows(jnp.concatenate([rows[:, :p], jnp.eye(p)], axis=1))
+        log_det = log_det + 2.0 * jnp.sum(jnp.log(jnp.diagonal(both)))
+        U = jnp.concatenate([U, both[:, p:] @ rows])[:, p:]
+    return A[count:, count:] - U.T @ U, log_det
+
+
+def _cholesky_rows(rows: Float[Array, "p n"]) -> Float[Array, "p n"]:
+    """[U, U⁻ᵀB] from [A, B], where UᵀU = A; what lies below U's diagonal means nothing."""
+    p = rows.shape[0]
+    place = jnp.arange(p)
+
+    def step(k: Array, rows: Array) -> Array:
+        row = rows[k] / jnp.sqrt(rows[k, k])
+        below = jnp.where(place > k, row[:p], 0.0)
+        return (rows - below[:, None] * row[None, :]).at[k].set(row)
+
+    return jax.lax.fori_loop(0, p, step, rows)

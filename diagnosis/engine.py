@@ -12,7 +12,6 @@ from typing import Any
 import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
-from threadpoolctl import threadpool_limits
 
 from diagnosis.effects import Effect
 from diagnosis.forcing import forcing_evidence
@@ -31,20 +30,28 @@ def silent(step: str, done: int, of: int) -> None:
     """Tell nobody."""
 
 
-@partial(jax.jit, static_argnames=("effects", "nonlinear"))
-def _fit_block(
-    records: Measured,
-    pairs: Int[Array, "j 2"],
-    starts: Float[Array, "j k"],
-    numbers: Catalogue,
-    *,
-    effects: tuple[Effect, ...],
-    nonlinear: bool,
-) -> Fitted:
-    def one(measured: Measured, pair: Array, start: Array) -> Fitted:
-        return fit_hypothesis(measured, effects, numbers, pair, start, nonlinear=nonlinear)
+def _block(job: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of one record and one hypothesis, compiled for a block of them."""
 
-    return jax.vmap(one)(records, pairs, starts)
+    @partial(jax.jit, static_argnames=("effects", "nonlinear"))
+    def block(
+        records: Measured,
+        pairs: Int[Array, "j 2"],
+        x: Float[Array, "j k"],
+        numbers: Catalogue,
+        *,
+        effects: tuple[Effect, ...],
+        nonlinear: bool,
+    ) -> Any:
+        def one(measured: Measured, pair: Array, x: Array) -> Any:
+            return job(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+
+        return jax.vmap(one)(records, pairs, x)
+
+    return block
+
+
+_fit_block, _force_block = _block(fit_hypothesis), _block(forcing_evidence)
 
 
 @partial(jax.jit, static_argnames=("effects",))
@@ -62,22 +69,6 @@ def _scan_block(
     return jax.vmap(one)(records, x, sizes)
 
 
-@partial(jax.jit, static_argnames=("effects", "nonlinear"))
-def _force_block(
-    records: Measured,
-    pairs: Int[Array, "j 2"],
-    x: Float[Array, "j k"],
-    numbers: Catalogue,
-    *,
-    effects: tuple[Effect, ...],
-    nonlinear: bool,
-) -> Float[Array, "j p s l a"]:
-    def one(measured: Measured, pair: Array, x: Array) -> Array:
-        return forcing_evidence(measured, effects, numbers, pair, x, nonlinear=nonlinear)
-
-    return jax.vmap(one)(records, pairs, x)
-
-
 def _in_blocks(
     function: Callable[..., Any],
     batch: Measured,
@@ -92,10 +83,8 @@ def _in_blocks(
         at = np.arange(first, min(first + BLOCK, record.size))
         padded = np.concatenate([at, np.full(BLOCK - at.size, at[-1])])
         chosen = jax.tree.map(lambda leaf, p=padded: leaf[record[p]], host)
-        # small factorisations: threads of the library would only fight over the cores
-        with threadpool_limits(limits=1):
-            found = function(chosen, *(a[padded] for a in arrays))
-            parts.append(jax.tree.map(lambda leaf, n=at.size: np.asarray(leaf)[:n], found))
+        found = function(chosen, *(a[padded] for a in arrays))
+        parts.append(jax.tree.map(lambda leaf, n=at.size: np.asarray(leaf)[:n], found))
         told(at.size)
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 

@@ -22,10 +22,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import cho_solve
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
+from diagnosis.elimination import schur_complement, solve_with_log_det
 from diagnosis.measured import correlation
 
 
@@ -123,11 +123,9 @@ def absorbed(products: Float[Array, "n n"], count: int) -> tuple[Array, Array]:
     Returns:
         Those of the others, and ½ ln|I + A Aᵀ|.
     """
-    factor = jnp.linalg.cholesky(jnp.eye(count) + products[:count, :count])
-    half = jax.lax.linalg.triangular_solve(
-        factor, products[:count, count:], left_side=True, lower=True
-    )
-    return products[count:, count:] - half.T @ half, jnp.sum(jnp.log(jnp.diagonal(factor)))
+    noise = np.diag((np.arange(products.shape[0]) < count).astype(float))
+    left, log_det = schur_complement(products + jnp.asarray(noise), count)
+    return left, 0.5 * log_det
 
 
 def split(products: Float[Array, "n n"]) -> tuple[Array, Array, Array]:
@@ -143,11 +141,10 @@ def posterior_of_products(
     one_sided: Float[Array, " k"] | None = None,
 ) -> Posterior:
     """The same from inner products, `log_volume` being ½ ln of the noise's determinant."""
-    precision = jnp.eye(JJ.shape[0]) + JJ
-    factor = jnp.linalg.cholesky(precision)
-    mean = cho_solve((factor, True), Je)
-    covariance = cho_solve((factor, True), jnp.eye(JJ.shape[0]))
-    log_Z = -0.5 * (ee - Je @ mean) - jnp.sum(jnp.log(jnp.diagonal(factor))) - log_volume
+    one = jnp.eye(JJ.shape[0])
+    solved, log_det = solve_with_log_det(one + JJ, jnp.concatenate([Je[:, None], one], axis=1))
+    mean, covariance = solved[:, 0], solved[:, 1:]
+    log_Z = -0.5 * (ee - Je @ mean) - 0.5 * log_det - log_volume
     if one_sided is not None:
         sd = jnp.sqrt(jnp.diagonal(covariance))
         log_Z = log_Z + jnp.sum(one_sided * (jnp.log(2.0) + log_ndtr(mean / sd)))

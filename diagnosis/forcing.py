@@ -35,16 +35,18 @@ from jaxtyping import Array, Float, Int
 
 from diagnosis import circuit
 from diagnosis.circuit import FORCED, as_harmonics
-from diagnosis.effects import Effect, size_of
+from diagnosis.effects import Effect
 from diagnosis.evidence import absorbed, posterior_of_products, smooth_scale, split
 from diagnosis.hypothesis import (
     Catalogue,
+    beat_under,
     by_condition,
     form_uncertainty,
     log_prior_of_sizes,
+    one_sided_unknowns,
 )
 from diagnosis.measured import Measured, data_of, weights
-from diagnosis.prediction import OWN, Situation, as_data, n_unknowns, predict, selection, situations
+from diagnosis.prediction import Situation, as_data, selection, situations
 
 AMPLITUDES_MMHG = (0.5, 1.5, 4.0, 10.0)
 """Prior standard deviations of the forcing [mmHg]."""
@@ -81,9 +83,8 @@ def forcing_evidence(
         x: its posterior mean, standardised.
         nonlinear: whether any of them makes the ostium nonlinear (static).
     """
-    k = n_unknowns(measured)
-    chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
-    sided = jnp.concatenate([jnp.zeros(k), chosen @ numbers.one_sided])
+    sided = one_sided_unknowns(measured, numbers, pair)
+    beat = beat_under(effects, numbers, pair, nonlinear=nonlinear)
     W, data, cases = weights(measured), data_of(measured), situations(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     form = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
@@ -93,12 +94,7 @@ def forcing_evidence(
         re, im = c[: HARMONICS + 1], c[HARMONICS + 1 :]
         wave = as_harmonics(jnp.concatenate([re, none, im, none]))
         at = (jnp.arange(len(FORCED)) == place).astype(complex)
-        sizes = size_of(numbers.sd, numbers.one_sided, own[OWN:] @ chosen)
-        beat = predict(
-            case, own[:OWN], effects, sizes, nonlinear=nonlinear,
-            forced=at[:, None] * wave[None, :],
-        )  # fmt: skip
-        return as_data(beat, measured.n_sensors)
+        return as_data(beat(case, own, at[:, None] * wave[None, :]), measured.n_sensors)
 
     zero = jnp.zeros(2 * HARMONICS + 1)
 

@@ -20,7 +20,15 @@ from jaxtyping import Array, Bool, Float, Int
 from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, Beat
 from diagnosis.descent import descend
 from diagnosis.effects import SCALE, Effect, size_of
-from diagnosis.evidence import Posterior, Whitened, log_moment, posterior, smooth_scale
+from diagnosis.elimination import solve_definite
+from diagnosis.evidence import (
+    Posterior,
+    Whitened,
+    absorbed,
+    log_moment,
+    posterior,
+    smooth_scale,
+)
 from diagnosis.measured import Measured, correlation, data_of, weights
 from diagnosis.prediction import (
     OWN,
@@ -123,16 +131,9 @@ def fit_hypothesis(
         nonlinear: whether any of the two makes the ostium nonlinear (static).
     """
     k = n_unknowns(measured)
-    chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
     W, data, cases = weights(measured), data_of(measured), situations(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-
-    def sizes_of(pair_x: Array) -> Array:
-        return size_of(numbers.sd, numbers.one_sided, pair_x @ chosen)
-
-    def beat(case: Situation, own: Array) -> Beat:
-        sizes = sizes_of(own[OWN:])
-        return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear)
+    beat = beat_under(effects, numbers, pair, nonlinear=nonlinear)
 
     def whitened(W: Array, case: Situation, own: Array) -> Array:
         return W * as_data(beat(case, own), measured.n_sensors)
@@ -141,7 +142,7 @@ def fit_hypothesis(
 
     optimum, value, _ = descend(slopes, W * data, start)
     cost = jnp.sum((W * data - value) ** 2) + jnp.sum(optimum**2)
-    sided = jnp.concatenate([jnp.zeros(k), chosen @ numbers.one_sided])
+    sided = one_sided_unknowns(measured, numbers, pair)
 
     def about(x: Array) -> tuple[Array, Whitened]:
         """The model linearised at x."""
@@ -159,26 +160,56 @@ def fit_hypothesis(
     F = freedom(second[0])
     third = about(posterior(second[1], F, sided).mean)
     tried = jax.tree.map(lambda *leaves: jnp.stack(leaves), first, second, third)
-    factor = _form_factor(F)
-
-    def weighed(x: Array, linear: Whitened) -> tuple[Array, Array]:
-        """Whitened residual at x, and its misfit where the form is free."""
-        residual = linear.e - linear.J @ x
-        return residual, jnp.sum(_without_form(residual, F, factor))
-
-    residuals, misfits = jax.vmap(weighed)(*tried)
+    residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(*tried)
+    misfits = _without_form(residuals, F)
     each = misfits + jnp.sum(tried[0] ** 2, axis=1)
     best = jnp.argmin(jnp.where(jnp.isfinite(each), each, jnp.inf))
     (x, linear), residual, misfit = jax.tree.map(lambda a: a[best], (tried, residuals, misfits))
     after = posterior(linear, F, sided)
     seen = jax.vmap(beat)(cases, chooser @ x)
-    sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (chosen @ numbers.sd)
+    sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (places_of(numbers, pair) @ numbers.sd)
     chi2 = jnp.sum(residual**2)
     sound = jnp.isfinite(after.log_evidence) & jnp.isfinite(chi2)
     waves = jax.vmap(as_waves)(seen)
     log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
     log_Z = jnp.where(sound, log_Z, -jnp.inf)
-    return Fitted(x, log_Z, chi2, misfit, cost, residual, sizes_of(x[k:]), sd, waves, sound)
+    sizes = sizes_under(numbers, pair, x[k:])
+    return Fitted(x, log_Z, chi2, misfit, cost, residual, sizes, sd, waves, sound)
+
+
+def places_of(numbers: Catalogue, pair: Int[Array, " 2"]) -> Float[Array, "2 e"]:
+    """1 where an effect of a hypothesis stands in the catalogue, else 0."""
+    return (pair[:, None] == jnp.arange(numbers.sd.shape[0])[None, :]).astype(float)
+
+
+def sizes_under(
+    numbers: Catalogue, pair: Int[Array, " 2"], x: Float[Array, " 2"]
+) -> Float[Array, " e"]:
+    """Size of every effect of the catalogue [its unit] from the two standardised ones."""
+    return size_of(numbers.sd, numbers.one_sided, x @ places_of(numbers, pair))
+
+
+def one_sided_unknowns(
+    measured: Measured, numbers: Catalogue, pair: Int[Array, " 2"]
+) -> Float[Array, " k"]:
+    """1 for the unknowns of a hypothesis that only exist above zero, else 0."""
+    of_sizes = places_of(numbers, pair) @ numbers.one_sided
+    return jnp.concatenate([jnp.zeros(n_unknowns(measured)), of_sizes])
+
+
+def beat_under(
+    effects: Sequence[Effect], numbers: Catalogue, pair: Int[Array, " 2"], *, nonlinear: bool
+) -> Callable[..., Beat]:
+    """What the sensors show under a hypothesis, as a function of a condition and its unknowns.
+
+    Arguments are those of `fit_hypothesis`. The function takes `forced` as `predict` does.
+    """
+
+    def beat(case: Situation, own: Array, forced: Array | None = None) -> Beat:
+        sizes = sizes_under(numbers, pair, own[OWN:])
+        return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear, forced=forced)
+
+    return beat
 
 
 def log_prior_of_sizes(
@@ -190,18 +221,12 @@ def log_prior_of_sizes(
     return jnp.sum(jnp.where(pair >= 0, moments, 0.0))
 
 
-def _form_factor(F: Float[Array, "c d m"]) -> Float[Array, "c m m"]:
-    return jnp.linalg.cholesky(jnp.eye(F.shape[-1])[None] + jnp.einsum("cdm,cdl->cml", F, F))
-
-
-def _without_form(
-    residual: Float[Array, "c d"], F: Float[Array, "c d m"], factor: Float[Array, "c m m"]
-) -> Float[Array, " c"]:
-    """rᵀ (I + F Fᵀ)⁻¹ r of each condition."""
-    half = jax.lax.linalg.triangular_solve(
-        factor, jnp.einsum("cdm,cd->cm", F, residual)[..., None], left_side=True, lower=True
-    )
-    return jnp.sum(residual**2, axis=1) - jnp.sum(half[..., 0] ** 2, axis=1)
+def _without_form(residuals: Float[Array, "t c d"], F: Float[Array, "c d m"]) -> Float[Array, " t"]:
+    """Σ rᵀ (I + F Fᵀ)⁻¹ r over the conditions, of several residuals."""
+    columns = jnp.concatenate([F, jnp.moveaxis(residuals, 0, -1)], axis=-1)
+    products = jnp.einsum("cdm,cdl->cml", columns, columns)
+    left, _ = jax.vmap(lambda one: absorbed(one, F.shape[-1]))(products)
+    return jnp.diagonal(jnp.sum(left, axis=0))
 
 
 def form_uncertainty(
@@ -217,20 +242,17 @@ def form_uncertainty(
 
     Arguments are those of `fit_hypothesis`, and x its optimum.
     """
-    chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
     own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
     cases, n = situations(measured), measured.n_sensors
-
-    def beat(case: Situation, own: Array) -> Beat:
-        sizes = size_of(numbers.sd, numbers.one_sided, own[OWN:] @ chosen)
-        return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear)
+    beat = beat_under(effects, numbers, pair, nonlinear=nonlinear)
+    tolerances = places_of(numbers, pair) @ numbers.tolerance
 
     seen = jax.vmap(beat)(cases, own)
     waves, scalars = jax.vmap(as_waves)(seen), jax.vmap(lambda b: as_data(b, n)[-4:])(seen)
     power, scalar_power = jnp.zeros_like(waves), jnp.zeros_like(scalars)
     for place in range(2):
         without = jax.vmap(beat)(cases, own.at[:, OWN + place].set(0.0))
-        tolerance = chosen[place] @ numbers.tolerance
+        tolerance = tolerances[place]
         power += (tolerance * (waves - jax.vmap(as_waves)(without))) ** 2
         change = scalars - jax.vmap(lambda b: as_data(b, n)[-4:])(without)
         scalar_power += (tolerance * change) ** 2
@@ -304,7 +326,7 @@ def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array, Arr
     (e, J), G = found.linear, found.effects
     precision = jnp.eye(J.shape[-1]) + jnp.einsum("cdk,cdl->kl", J, J)
     JG, Je = jnp.einsum("cdk,cde->ke", J, G), jnp.einsum("cdk,cd->k", J, e)
-    solved = jnp.linalg.solve(precision, JG)
+    solved = solve_definite(precision, JG)
     # e = r + J x: with the unknowns eliminated g⊥ᵀ r̃ = gᵀe − (JG)ᵀ precision⁻¹ Jᵀe
     along = jnp.einsum("cde,cd->e", G, e) - solved.T @ Je
     length = jnp.einsum("cde,cde->e", G, G) - jnp.sum(JG * solved, axis=0)

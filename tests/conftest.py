@@ -10,8 +10,9 @@ import jax
 import pytest
 from jaxtyping import install_import_hook
 
-# One thread a process, before XLA starts: there is a process on each core, and in the batches of
-# factorisations of a diagnosis two threads of XLA have waited for each other for ever.
+# One thread a process, before XLA starts: there is a process on each core, and jaxlib 0.10 can wait
+# for ever where a program asks LAPACK for two batches of factorisations at once (see
+# `diagnosis.elimination`), which fits and sweeps of `calibration` may do.
 os.environ.setdefault("NPROC", "1")
 
 with install_import_hook(

@@ -3,9 +3,3 @@
 `python -m benchmarks.blind make DIR`, `diagnose DIR`, `score DIR`. The generator imports nothing
 from `diagnosis` and shares neither its integrator nor its equations.
 """
-
-import os
-
-# Two threads of XLA have waited for each other for ever in a batch of fits; one never did. It has
-# to be said before XLA starts.
-os.environ.setdefault("NPROC", "1")

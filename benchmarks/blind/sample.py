@@ -18,10 +18,15 @@ from jax.scipy.special import gammaln, logsumexp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from diagnosis import CATALOGUE, Diagnosis, Effect, diagnose, measured, stacked
-from diagnosis.effects import size_of
-from diagnosis.hypothesis import Catalogue, form_uncertainty, numbers_of
+from diagnosis.hypothesis import (
+    Catalogue,
+    beat_under,
+    form_uncertainty,
+    numbers_of,
+    places_of,
+)
 from diagnosis.measured import Measured, data_of, weights
-from diagnosis.prediction import OWN, Situation, as_data, predict, selection, situations
+from diagnosis.prediction import Situation, as_data, selection, situations
 from diagnosis.verdict import PRIOR, Hypothesis, key_of
 from study.cache import use_cache
 from study.record_file import read_record
@@ -35,33 +40,42 @@ SHOWN = 3
 
 
 @partial(jax.jit, static_argnames=("effects", "nonlinear"))
+def _form(
+    record: Measured,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    numbers: Catalogue,
+    *,
+    effects: tuple[Effect, ...],
+    nonlinear: bool,
+) -> Float[Array, "c d m"]:
+    return form_uncertainty(record, effects, numbers, pair, x, nonlinear=nonlinear)
+
+
+@partial(jax.jit, static_argnames=("effects", "nonlinear"))
 def _sampled(
     record: Measured,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
     numbers: Catalogue,
     key: PRNGKeyArray,
+    whitener: Float[Array, "c d d"],
     *,
     effects: tuple[Effect, ...],
     nonlinear: bool,
 ) -> tuple[Array, Array]:
-    """Ln Z of a hypothesis and the effective number of draws."""
+    """Ln Z of a hypothesis up to `whitener`'s determinant, and the effective number of draws."""
     W, data, cases = weights(record), data_of(record), situations(record)
     chooser = jnp.asarray(selection(record.n_conditions, 2))
-    chosen = (pair[:, None] == jnp.arange(len(effects))[None, :]).astype(float)
-    F = form_uncertainty(record, effects, numbers, pair, x, nonlinear=nonlinear)
-    factor = jnp.linalg.cholesky(jnp.eye(F.shape[1])[None] + jnp.einsum("cdm,cem->cde", F, F))
+    predicted = beat_under(effects, numbers, pair, nonlinear=nonlinear)
 
     def residual(x: Array) -> Array:
         """Residuals in units of noise and form tolerance together."""
 
-        def one(W: Array, data: Array, case: Situation, own: Array, factor: Array) -> Array:
-            sizes = size_of(numbers.sd, numbers.one_sided, own[OWN:] @ chosen)
-            beat = predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear)
-            r = W * (data - as_data(beat, record.n_sensors))
-            return jax.scipy.linalg.solve_triangular(factor, r, lower=True)
+        def one(W: Array, data: Array, case: Situation, own: Array, whitener: Array) -> Array:
+            return whitener @ (W * (data - as_data(predicted(case, own), record.n_sensors)))
 
-        return jax.vmap(one)(W, data, cases, chooser @ x, factor).reshape(-1)
+        return jax.vmap(one)(W, data, cases, chooser @ x, whitener).reshape(-1)
 
     k = x.shape[0]
     J = jax.jacfwd(residual)(x)
@@ -80,10 +94,9 @@ def _sampled(
         - 0.5 * (FREEDOM + k) * jnp.log1p(distance / FREEDOM)
     )  # fmt: skip
     squares = jax.lax.map(lambda x: jnp.sum(residual(x) ** 2), draws, batch_size=CHUNK)
-    log_volume = jnp.sum(jnp.log(jnp.diagonal(factor, axis1=1, axis2=2)))
-    log_p = -0.5 * squares - log_volume - 0.5 * jnp.sum(draws**2, axis=1)
+    log_p = -0.5 * squares - 0.5 * jnp.sum(draws**2, axis=1)
     log_p = log_p - 0.5 * k * jnp.log(2.0 * jnp.pi)
-    used, sided = pair >= 0, chosen @ numbers.one_sided
+    used, sided = pair >= 0, places_of(numbers, pair) @ numbers.one_sided
     size = draws[:, -2:]
     moment = jnp.log(size**2) + jnp.where(sided > 0.5, jnp.log(2.0), 0.0)[None]
     moment = jnp.where((sided[None] > 0.5) & (size < 0.0), -jnp.inf, moment)
@@ -97,16 +110,21 @@ def sampled_log_evidence(
     diagnosis: Diagnosis, hypothesis: Hypothesis, *, seed: int = 0
 ) -> tuple[float, float]:
     """Ln Z of a fitted hypothesis by importance sampling, and the effective number of draws."""
-    names = [effect.id for effect in diagnosis.effects]
+    effects, record = diagnosis.effects, diagnosis.record
+    names, numbers = [effect.id for effect in effects], numbers_of(effects)
     at = [names.index(name) for name in hypothesis]
     pair = jnp.asarray(np.array(at + [-1] * (2 - len(at))))
-    bent = any(diagnosis.effects[k].nonlinear for k in at)
-    found = _sampled(
-        diagnosis.record, pair, jnp.asarray(np.asarray(diagnosis.fits[hypothesis].x)),
-        numbers_of(diagnosis.effects), jax.random.key(seed),
-        effects=diagnosis.effects, nonlinear=bent,
-    )  # fmt: skip
-    return float(found[0]), float(found[1])
+    bent = any(effects[k].nonlinear for k in at)
+    x = jnp.asarray(np.asarray(diagnosis.fits[hypothesis].x))
+    F = np.asarray(_form(record, pair, x, numbers, effects=effects, nonlinear=bent))
+    # factorised once by NumPy, so that no library is called beside the draws
+    factor = np.linalg.cholesky(np.eye(F.shape[1]) + F @ F.swapaxes(1, 2))
+    whitener = jnp.asarray(np.linalg.inv(factor))
+    found, effective = _sampled(
+        record, pair, x, numbers, jax.random.key(seed), whitener, effects=effects, nonlinear=bent
+    )
+    log_volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum()
+    return float(found) - float(log_volume), float(effective)
 
 
 def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Array
 
 from diagnosis import Diagnosis, Effect
+from diagnosis.elimination import solve_definite
 from diagnosis.hypothesis import linearise, numbers_of
 from diagnosis.measured import Measured
 
@@ -26,7 +27,7 @@ def _projected(record: Measured, x: Array, effects: tuple[Effect, ...]) -> tuple
     (e, J), G = linearise(record, effects, numbers_of(effects), x, zero)
     precision = jnp.eye(J.shape[-1]) + jnp.einsum("cdk,cdl->kl", J, J)
     JG = jnp.einsum("cdk,cde->ke", J, G)
-    solved = jnp.linalg.solve(precision, JG)
+    solved = solve_definite(precision, JG)
     along = jnp.einsum("cde,cd->e", G, e) - solved.T @ jnp.einsum("cdk,cd->k", J, e)
     return jnp.einsum("cde,cdf->ef", G, G) - JG.T @ solved, along
 

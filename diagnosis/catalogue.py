@@ -34,6 +34,11 @@ def _outer_dilation(c: Circuit, size) -> Circuit:
     return c._replace(R_1=c.R_1 * factor, R_3=c.R_3 * factor)
 
 
+def _ostium(c: Circuit, log_factor) -> Circuit:
+    factor = jnp.exp(log_factor)
+    return c._replace(R0=c.R0 * factor, K_known=c.K_known * factor)
+
+
 def _narrowing(c: Circuit, size) -> Circuit:
     wave = jnp.exp(size * (c.P_inlet - P_NARROWING) / P_NARROWING)
     return c._replace(R0_wave=c.R0_wave * wave)
@@ -63,7 +68,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="proximal_resistance", place="ostium", unit="-", sd=0.5,
-        change=lambda c, size: c._replace(R0=c.R0 * jnp.exp(size)),
+        change=_ostium,
         equation="R0 exp(φ)",
         sentence="the proximal vessel's resistance differs from the one computed for it",
         settled_by="a finer CT and the pressure drop computed in it",
@@ -71,7 +76,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="stress_narrowing", place="ostium", unit="-", sd=0.5,
-        change=lambda c, size: c._replace(R0=c.R0 * jnp.exp(c.stress * size)),
+        change=lambda c, size: _ostium(c, c.stress * size),
         equation="R0 exp(s φ)",
         sentence="the proximal vessel is narrower (or wider) under stress than at rest",
         settled_by="intravascular ultrasound under stress",

@@ -10,7 +10,7 @@ With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
     P_3 = ((P_2 − P_micro)/R_2 + iωC_im P_LV + P_venous/R_3)/(1/R_2 + iωC_im + 1/R_3)
     0   = (P_1 − P_2)/R_1 + G (P_inlet − P_2) − Y_a P_2 − (P_2 − P_micro − P_3)/R_2 + Q_wall
     Q   = iωC0 P_1 + (P_1 − P_2)/R_1,            Y_a = iωC_a (e + (1 − e)/(1 + iωτ_wall))
-    P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + K Q|Q|
+    P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + (K + K_known R0_wave) Q|Q|
 
 Without the last two terms the system is linear and solved harmonic by harmonic; with them the first
 `LOW` harmonics of Q follow from Newton's method and the rest from the linear system with the mean
@@ -75,7 +75,8 @@ class Circuit(NamedTuple):
         P_inlet, P_LV: pressures of aorta and ventricle at the samples [mmHg].
         R0, L, K: linear resistance, inertance, quadratic loss of the ostium
             [mmHg·s/mL, mmHg·s²/mL, mmHg·s²/mL²].
-        R0_wave: factor on R0 over the beat; ones at first.
+        K_known: quadratic loss that is known with R0 and narrows with it [mmHg·s²/mL²].
+        R0_wave: factor on R0 and K_known over the beat; ones at first.
         C0, C_a, C_im: compliances [mL/mmHg].
         R_1, R_2, R_3: resistances of the bed [mmHg·s/mL].
         wall_time: relaxation time of the part of C_a that yields late [s].
@@ -99,6 +100,7 @@ class Circuit(NamedTuple):
     R0: Number
     L: Number
     K: Number
+    K_known: Number
     R0_wave: Wave
     C0: Number
     C_a: Number
@@ -187,14 +189,14 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
 
     Args:
         circuit: one condition; all arrays are differentiated.
-        nonlinear: whether K and R0_wave act (static); False is faster and ignores them.
+        nonlinear: whether K, K_known and R0_wave act (static); False is faster and ignores them.
     """
     omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
     iw = jax.lax.complex(jnp.zeros_like(omega), omega)
     inlet, ventricle = harmonics(jnp.stack([circuit.P_inlet, circuit.P_LV]))
     ostium, wall, micro, pump, root, at_aorta, at_distal = circuit.forced
     g_1, g_3 = _complex(1.0 / circuit.R_1), _complex(1.0 / circuit.R_3)
-    g_2 = _complex(1.0 / (circuit.R_2 * _autoregulated(circuit)))
+    g_2 = _complex(1.0 / (circuit.R_2 * autoregulated(circuit)))
     g_across, R0 = _complex(circuit.G_collateral), _complex(circuit.R0)
     inlet, ventricle, wall = inlet + root, ventricle + pump, wall * g_1
     first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
@@ -215,19 +217,33 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     Q = drive * _inverse(series)
     if nonlinear:
         Q = _nonlinear_flow(circuit, drive, series, Q)
-    P_1 = Z * Q + source_1
+    seen = sensed(circuit, Beat(inlet, Z * Q + source_1, Q))
+    return Beat(seen.P_aorta + at_aorta, seen.P_distal + at_distal, Q)
+
+
+def sensed(circuit: Circuit, true: Beat) -> Beat:
+    """What the sensors of a circuit make of true pressures.
+
+    Args:
+        circuit: for its offsets, gain, lag and delay.
+        true: the pressures where the sensors are, from this circuit or another model.
+    """
+    omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
+    first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
     turn = circuit.distal_delay * omega
-    lagged = inlet * _inverse(1.0 + iw * _complex(circuit.aortic_lag))
-    delayed = _complex(circuit.distal_gain) * P_1 * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
+    lag = jax.lax.complex(jnp.zeros_like(omega), omega) * _complex(circuit.aortic_lag)
+    lagged = true.P_aorta * _inverse(1.0 + lag)
+    delayed = _complex(circuit.distal_gain) * true.P_distal
+    delayed = delayed * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
     return Beat(
-        lagged + _complex(circuit.aortic_offset * first) + at_aorta,
-        delayed + _complex(circuit.distal_offset * first) + at_distal,
-        Q,
+        lagged + _complex(circuit.aortic_offset * first),
+        delayed + _complex(circuit.distal_offset * first),
+        true.Q,
     )
 
 
-def _autoregulated(circuit: Circuit) -> Number:
-    """Factor on R_2, exp(gain (mean P_2 − 70)/70) with mean P_2 of the direct-current network.
+def autoregulated(circuit: Circuit) -> Number:
+    """Factor on R_2, exp(gain (mean P_2 − 70)/70) with mean P_2 of the direct-current network [-].
 
     The quadratic loss of the ostium is left out of the mean: it moves it by a few mmHg.
     """
@@ -247,22 +263,23 @@ def _autoregulated(circuit: Circuit) -> Number:
 def _nonlinear_flow(
     circuit: Circuit, drive: Spectrum, series: Spectrum, linear: Spectrum
 ) -> Spectrum:
-    """Harmonics of the flow through an ostium with K and R0_wave."""
+    """Harmonics of the flow through an ostium with K, K_known and R0_wave."""
     low = slice(0, LOW + 1)
     extra = circuit.R0 * (circuit.R0_wave - 1.0)
+    K = circuit.K + circuit.K_known * circuit.R0_wave
     synthesis = jnp.asarray(TO_SAMPLES[:, _LOW_COLUMNS])
     analysis = jnp.asarray(FROM_SAMPLES[_LOW_COLUMNS])
 
     def loss(q: Real) -> Wave:
         Q = synthesis @ q
-        return extra * Q + circuit.K * Q * jnp.abs(Q)
+        return extra * Q + K * Q * jnp.abs(Q)
 
     def residual(q: Real) -> Real:
         lost = analysis @ loss(q)
         return coefficients(series[low] * as_harmonics(q)) + lost - coefficients(drive[low])
 
     def slope(q: Real) -> Float[Array, "m m"]:
-        d = extra + 2.0 * circuit.K * jnp.abs(synthesis @ q)
+        d = extra + 2.0 * K * jnp.abs(synthesis @ q)
         return _block(series[low]) + (analysis * d[None, :]) @ synthesis
 
     frozen = jax.lax.stop_gradient
@@ -275,7 +292,7 @@ def _nonlinear_flow(
     q = frozen(q)
     # no change in value, the implicit-function theorem in derivative
     q = q - solve_definite(frozen(slope(q)), jnp.eye(q.shape[0])) @ residual(q)
-    mean_slope = jnp.mean(extra + 2.0 * circuit.K * jnp.abs(synthesis @ q))
+    mean_slope = jnp.mean(extra + 2.0 * K * jnp.abs(synthesis @ q))
     lost = harmonics(loss(q))
     high = (drive - lost) * _inverse(series + _complex(mean_slope))
     return jnp.concatenate([as_harmonics(q), high[LOW + 1 :]])

@@ -51,6 +51,8 @@ class Measured(eqx.Module):
         held_out: 1 where only the aortic pressure may be used.
         R0, R0_sd_log: prior of the ostium's resistance [mmHg·s/mL] and of its logarithm [-].
         P_sd: of the recorded systolic and diastolic pressures [mmHg].
+        K, L: quadratic loss and inertance of the ostium that are known with R0 [mmHg·s²/mL²,
+            mmHg·s²/mL]; None where only R0 is.
     """
 
     period: Float[Array, "*b c"]
@@ -71,6 +73,8 @@ class Measured(eqx.Module):
     R0: Float[Array, "*b"]
     R0_sd_log: Float[Array, "*b"]
     P_sd: Float[Array, "*b"]
+    K: Float[Array, "*b"] | None = None
+    L: Float[Array, "*b"] | None = None
 
     @property
     def n_conditions(self) -> int:

@@ -3,7 +3,7 @@
 The base model is the surrogate of the paper at its nominal values with the stress rule "printed".
 Its unknowns have normal priors of zero mean and unit variance in the variables x:
 
-    R0 = R0_prior exp(sd x_0),  α = 0.25 exp(x_1),  C_a, C_im, C0 = nominal exp(0.4 x_2..4),
+    R0, K_known = prior exp(sd x_0),  α = 0.25 exp(x_1),  C_a, C_im, C0 = nominal exp(0.4 x_2..4),
     P_systolic, P_diastolic of each condition = recorded + P_sd x.
 
 The ventricle's peak is the condition's P_systolic. A condition depends on nine numbers only (the
@@ -65,6 +65,8 @@ class Situation(NamedTuple):
         R0: prior of the ostium's resistance [mmHg·s/mL].
         R0_sd_log: of its logarithm.
         P_sd: of the recorded pressures [mmHg].
+        K, L: quadratic loss and inertance that are known with R0 [mmHg·s²/mL², mmHg·s²/mL], or
+            None.
     """
 
     period: Float[Array, "*c"]
@@ -77,13 +79,18 @@ class Situation(NamedTuple):
     R0: Float[Array, "*c"]
     R0_sd_log: Float[Array, "*c"]
     P_sd: Float[Array, "*c"]
+    K: Float[Array, "*c"] | None = None
+    L: Float[Array, "*c"] | None = None
 
 
 def situations(measured: Measured) -> Situation:
     """The settings of all conditions of one record."""
     shape = measured.period.shape
+    optional = {"K": measured.K, "L": measured.L}
+    given = {n: jnp.broadcast_to(v, shape) for n, v in optional.items() if v is not None}
+    names = [name for name in Situation._fields if name not in optional]
     return Situation(
-        **{name: jnp.broadcast_to(getattr(measured, name), shape) for name in Situation._fields}
+        **{name: jnp.broadcast_to(getattr(measured, name), shape) for name in names}, **given
     )
 
 
@@ -131,6 +138,7 @@ def base_circuit(case: Situation, own: Float[Array, " 7"]) -> Circuit:
 
     t = jnp.asarray(PHASE) * case.period
     zero = jnp.zeros(())
+    narrower = jnp.exp(case.R0_sd_log * own[0])
     return Circuit(
         period=case.period,
         stress=case.stress,
@@ -139,9 +147,10 @@ def base_circuit(case: Situation, own: Float[Array, " 7"]) -> Circuit:
         order=case.order,
         P_inlet=AorticPressure(P_systolic, P_diastolic, case.period)(t),
         P_LV=VentricularPressure(P_systolic, case.period)(t),
-        R0=case.R0 * jnp.exp(case.R0_sd_log * own[0]),
-        L=zero,
+        R0=case.R0 * narrower,
+        L=zero if case.L is None else case.L,
         K=zero,
+        K_known=zero if case.K is None else case.K * narrower,
         R0_wave=jnp.ones(SAMPLES),
         C0=C0_NOMINAL * MMHG * loose[2],
         C_a=bed("C_a", loose[0]),
@@ -178,13 +187,13 @@ def predict(
         own: its standardised unknowns.
         effects: the effects.
         sizes: size of each [its unit]; zero changes nothing.
-        nonlinear: see `circuit.solve` (static).
+        nonlinear: see `circuit.solve` (static); with a known K it always is.
         forced: waveforms added at places, see `circuit.Circuit`.
     """
     circuit = apply_effects(base_circuit(case, own), effects, sizes)
     if forced is not None:
         circuit = circuit._replace(forced=forced)
-    return solve(circuit, nonlinear=nonlinear)
+    return solve(circuit, nonlinear=nonlinear or case.K is not None)
 
 
 def as_data(beat: Beat, n_sensors: int) -> Float[Array, " d"]:

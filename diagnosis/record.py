@@ -80,6 +80,8 @@ class Record:
             the scatter of the beats' means where that is larger.
         flow_relative_sd, ffr_sd: noise of flow (relative) and of ratios; None for the default.
         R0, R0_sd_log: what is known of the ostium's resistance [mmHg·s/mL] and of its logarithm.
+        K, L: quadratic loss and inertance that are known with R0, as a ramp in 3D gives them
+            [mmHg·s²/mL², mmHg·s²/mL]; None where only R0 is. K shares the log-sd of R0.
     """
 
     id: str
@@ -90,6 +92,8 @@ class Record:
     R0: float = R0_PRIOR
     R0_sd_log: float = R0_SD_LOG
     pressure_offset_sd: float | None = None
+    K: float | None = None
+    L: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -209,6 +213,8 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         R0=jnp.asarray(float(record.R0)),
         R0_sd_log=jnp.asarray(float(record.R0_sd_log)),
         P_sd=jnp.asarray(P_SD_MMHG),
+        K=None if record.K is None else jnp.asarray(float(record.K)),
+        L=None if record.L is None else jnp.asarray(float(record.L)),
     )
 
 
@@ -242,5 +248,13 @@ def _waves(
 
 
 def stacked(records: Sequence[Measured]) -> Measured:
-    """Records of one shape as a batch."""
+    """Records of one shape as a batch; where some know K or L, it is zero for the others."""
+    for name in ("K", "L"):
+        if any(getattr(one, name) is not None for one in records):
+            records = [
+                dataclasses.replace(one, **{name: jnp.zeros(())})
+                if getattr(one, name) is None
+                else one
+                for one in records
+            ]
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)

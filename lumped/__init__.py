@@ -10,6 +10,7 @@ jax.config.update("jax_enable_x64", True)
 
 from lumped.blocks import RC, RCR, RCRL, Coronary, Resistance
 from lumped.elements import AbstractElement
+from lumped.extended_coronary import ExtendedCoronary
 from lumped.march import Trajectory, aligned_times, march, step
 from lumped.metrics import Metrics, ifr, metrics, pressure_ratio, systolic_share
 from lumped.network import Network, connect

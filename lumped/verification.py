@@ -15,10 +15,11 @@ from jaxtyping import Array, ArrayLike, Float
 
 from lumped.blocks import RC, RCR, RCRL, Coronary, Resistance
 from lumped.elements import AbstractElement
+from lumped.extended_coronary import ExtendedCoronary
 from lumped.parameters import Parameter, check_range, parameter, real
 from lumped.units import MMHG
 from lumped.vessels import Vessel, VesselCRL
-from lumped.waveforms import AbstractWaveform, Sinusoid
+from lumped.waveforms import AbstractWaveform, Constant, Sinusoid
 
 PERIOD = 0.8
 """Cycle length of the examples [s]."""
@@ -37,6 +38,19 @@ BLOCKS: dict[str, AbstractElement] = {
         P_im=Sinusoid(mean=40.0 * MMHG, amplitude=55.0 * MMHG, period=PERIOD, phase=-2.0),
         im_factor=0.7,
         P_venous=6.0 * MMHG,
+    ),
+    "extended coronary": ExtendedCoronary(
+        R_1=8.0e3,
+        R_2=1.6e4,
+        R_3=6.7e4,
+        C_a=4.5e-7,
+        C_im=3e-6,
+        P_im=Sinusoid(mean=30.0 * MMHG, amplitude=40.0 * MMHG, period=PERIOD, phase=-2.0),
+        P_source=Constant(90.0 * MMHG),
+        P_venous=6.0 * MMHG,
+        G_collateral=3e-6,
+        elastic_share=0.5,
+        wall_time=0.03,
     ),
 }
 """Example boundary blocks: a systemic and a coronary bed of an adult at rest."""
@@ -57,6 +71,12 @@ def _coronary_impedance(b: Any, s: Any) -> Any:
     return b.R_1 + 1.0 / (b.C_a * s + 1.0 / (b.R_2 + 1.0 / (b.C_im * s + 1.0 / b.R_3)))
 
 
+def _extended_impedance(b: Any, s: Any) -> Any:
+    wall = b.C_a * s * (b.elastic_share + (1.0 - b.elastic_share) / (1.0 + s * b.wall_time))
+    bed = 1.0 / (b.R_2 + 1.0 / (b.C_im * s + 1.0 / b.R_3))
+    return b.R_1 + 1.0 / (wall + b.G_collateral + bed)
+
+
 IMPEDANCES: dict[type[AbstractElement], Callable[[Any, Any], Any]] = {
     Resistance: lambda b, s: b.R + 0.0 * s,
     RC: lambda b, s: 1.0 / (1.0 / b.R + b.C * s),
@@ -65,6 +85,7 @@ IMPEDANCES: dict[type[AbstractElement], Callable[[Any, Any], Any]] = {
         b.L * s / (1.0 + b.L * s / b.R_proximal) + 1.0 / (1.0 / b.R_distal + b.C * s)
     ),
     Coronary: _coronary_impedance,
+    ExtendedCoronary: _extended_impedance,
 }
 """Impedance Z(s) of each kind of block, as a function of block and Laplace variable s [1/s]."""
 

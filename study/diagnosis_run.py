@@ -102,9 +102,10 @@ def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
 
 
 def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
-    """R0 of the ramp ΔP = a Q + b Q²: its secant at the drop at rest, where the record knows it.
+    """What the ramp ΔP = a Q + b Q|Q| + L dQ/dt knows of the ostium.
 
-    The tangent at 40 mmHg, the paper's R0, is larger than the resistance at a small drop.
+    The whole curve; where its a is not positive, the secant at the drop at rest, or where the
+    record does not tell that, the tangent at 40 mmHg, which is larger than the resistance there.
     """
     document = load_document(place)
     ramp = document.get("ramp")
@@ -112,6 +113,13 @@ def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
         cure = "give a case file, or the folder of a finished jaxfsi study"
         raise CaseError([Fault(place, "ramp", None, "no study with a ramp", "", cure)])
     a, b, tangent = (float(ramp[k]) / MMHG_S_PER_ML for k in ("a", "b", "tangent_40_mmHg"))
+    if a > 0.0 and b > 0.0:
+        L = max(float(ramp["inertance"]) / MMHG_S_PER_ML, 0.0)
+        known = dataclasses.replace(record, R0=a, R0_sd_log=CASE_SD_LOG, K=b, L=L)
+        return known, (
+            f"R0 = {a:.3g} mmHg s/ml, K = {b:.3g} mmHg s2/ml2 and L = {L:.3g} mmHg s2/ml are the "
+            f"curve of the ramp in {place.name}."
+        )
     drop = _drop_at_rest(record)
     if drop is None or drop <= 0.0:
         return _changed(

@@ -144,6 +144,8 @@ def record_files(record: Record) -> dict[str, str]:
         lines += [f"{key} = {value:.10g}" for key, value in stated.items() if value is not None]
     prior = f"{{ value = {record.R0:.10g}, sd_log = {record.R0_sd_log:.10g} }}"
     lines += ["", "[prior]", f"R0_mmHg_s_per_ml = {prior}"]
+    rest = {"K_mmHg_s2_per_ml2": record.K, "L_mmHg_s2_per_ml": record.L}
+    lines += [f"{key} = {value:.10g}" for key, value in rest.items() if value is not None]
     for c in record.conditions:
         lines += ["", "[[condition]]", f'name = "{c.name}"', f'drug = "{c.drug}"']
         lines += [f"order = {c.order}", f"held_out = {str(c.held_out).lower()}"]

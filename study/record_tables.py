@@ -22,6 +22,11 @@ RESISTANCE = (
     Quantity("value", "resistance", "mmHg_s_per_ml", 0.01, 1000.0, required=True),
     Quantity("sd_log", "number", "", 0.01, 3.0, required=True),
 )
+LOSSES = (
+    Quantity("K", "quadratic loss", "mmHg_s2_per_ml2", 0.0, 1.0e4),
+    Quantity("L", "inertance", "mmHg_s2_per_ml", 0.0, 100.0),
+)
+"""What may be known of the ostium beside its resistance: the rest of a ramp's curve."""
 CONDITION: tuple[Key, ...] = (
     Word("name", pattern=r"[A-Za-z][A-Za-z0-9_-]{0,39}", required=True, described="a short name"),
     Word("drug", DRUGS, required=True),
@@ -40,7 +45,7 @@ CONDITION: tuple[Key, ...] = (
 def homes() -> dict[str, str]:
     """For each key, the heading of the table that it belongs to."""
     found = {key.key: "[[condition]]" for key in CONDITION}
-    return found | {key.key: "[noise]" for key in NOISE}
+    return found | {k.key: "[noise]" for k in NOISE} | {k.key: "[prior]" for k in LOSSES}
 
 
 def read_record_tables(document: dict[str, Any], context: Context) -> dict[str, Any]:
@@ -77,17 +82,29 @@ def _read_prior(table: object, context: Context) -> dict[str, Any]:
     if not isinstance(table, dict):
         context.add("prior", table, "a table is expected here", "write [prior] on its own line")
         return {}
+    known = ("R0_mmHg_s_per_ml", *(key.key for key in LOSSES))
     for name in table:
-        if name != "R0_mmHg_s_per_ml":
+        if name not in known:
             cure = "use R0_mmHg_s_per_ml = { value = 3.75, sd_log = 0.15 }, or remove it"
-            context.add(f"prior.{name}", None, "unknown key", cure, "R0_mmHg_s_per_ml")
+            context.add(f"prior.{name}", None, "unknown key", cure, ", ".join(known))
     if "R0_mmHg_s_per_ml" not in table:
+        if any(key in table for key in known):
+            problem = "K and L are the rest of a curve whose R0 is missing"
+            cure = "give R0_mmHg_s_per_ml = { value = ..., sd_log = ... } as well"
+            context.add("prior.R0_mmHg_s_per_ml", None, problem, cure)
         return {}
     inner = table["R0_mmHg_s_per_ml"]
     if isinstance(inner, dict):  # the unit stands in the key of the pair
         inner = {("value_mmHg_s_per_ml" if k == "value" else k): v for k, v in inner.items()}
     entry = read_table(inner, "prior.R0_mmHg_s_per_ml", RESISTANCE, context)
-    return {"R0": _clinical(entry["value"], MMHG_S_PER_ML), "R0_sd_log": entry["sd_log"]}
+    given = {key.key: table[key.key] for key in LOSSES if key.key in table}
+    rest = read_table(given, "prior", LOSSES, context)
+    return {
+        "R0": _clinical(entry["value"], MMHG_S_PER_ML),
+        "R0_sd_log": entry["sd_log"],
+        "K": _clinical(rest["K"], MMHG),
+        "L": _clinical(rest["L"], MMHG),
+    }
 
 
 def _read_condition(table: object, place: int, context: Context) -> dict[str, Any]:

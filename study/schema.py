@@ -35,6 +35,7 @@ UNITS: dict[str, dict[str, float]] = {
         "mmHg_min_per_l": MMHG / L_PER_MIN, "wood": MMHG / L_PER_MIN, "Pa_s_per_m3": 1.0e-5,
     },
     "quadratic loss": {"dyn_s2_per_cm8": 1.0, "mmHg_s2_per_ml2": MMHG},
+    "inertance": {"dyn_s2_per_cm5": 1.0, "mmHg_s2_per_ml": MMHG},
     "compliance": {"cm5_per_dyn": 1.0, "ml_per_mmHg": 1.0 / MMHG, "m3_per_Pa": 1.0e5},
     "density": {"g_per_cm3": 1.0, "g_per_ml": 1.0, "kg_per_m3": 1.0e-3},
     "viscosity": {"poise": 1.0, "Pa_s": 10.0, "mPa_s": 0.01, "cP": 0.01},

@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from diagnosis import CATALOGUE, Effect, measured
+from diagnosis import CATALOGUE, Effect, find_effect, measured
 from diagnosis.circuit import PHASE
 from diagnosis.prediction import as_data, as_waves, base_circuit, predict, situations
 from lumped import (
@@ -71,6 +71,23 @@ def test_quadratic_loss_agrees_with_shooting():
     # the flow's harmonics above 24 see the mean of the nonlinear slope: 0.06 mmHg rms
     assert np.sqrt(np.mean((there - np.asarray(waves[1])) ** 2)) < 0.1
     assert abs(there.mean() - float(waves[1].mean())) < 0.02
+
+
+def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vessel():
+    own = OWN.at[0].set(0.0)
+    known = case()._replace(K=jnp.asarray(6.0), L=jnp.asarray(0.05))
+    sizes = jnp.zeros(len(CATALOGUE)).at[0].set(6.0)
+    sizes = sizes.at[[e.id for e in CATALOGUE].index("inertance")].set(0.05)
+    given = as_data(predict(known, own, (), jnp.zeros(0), nonlinear=False), 3)
+    np.testing.assert_allclose(
+        given, as_data(predict(case(), own, CATALOGUE, sizes), 3), rtol=1e-12
+    )
+    narrow = find_effect(CATALOGUE, "proximal_resistance")
+    wider = base_circuit(known._replace(R0_sd_log=jnp.asarray(0.2)), OWN)
+    changed = narrow.change(base_circuit(known, own), jnp.asarray(0.2 * 0.3))
+    # the prior's width and the effect both move the whole curve
+    np.testing.assert_allclose(changed.R0, wider.R0, rtol=1e-12)
+    np.testing.assert_allclose(changed.K_known, wider.K_known, rtol=1e-12)
 
 
 def test_an_effect_of_size_zero_changes_nothing():

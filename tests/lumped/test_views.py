@@ -11,6 +11,7 @@ import pytest
 
 from lumped import (
     Coronary,
+    ExtendedCoronary,
     Fourier,
     Resistance,
     Sinusoid,
@@ -47,6 +48,16 @@ def exact():
     return solve
 
 
+def back_pressure(block) -> float:
+    """Pressure at the port without flow [dyn/cm²]."""
+    if not isinstance(block, Coronary | ExtendedCoronary):
+        return float(block.P_ref)
+    if isinstance(block, Coronary):
+        return float(block.P_venous)
+    g, G = 1.0 / (block.R_2 + block.R_3), block.G_collateral
+    return float((g * block.P_venous + G * block.P_source(0.0)) / (g + G))
+
+
 def test_registry_covers_every_block():
     assert {type(block) for block in BLOCKS.values()} == set(IMPEDANCES)
     assert all(element.n_ports == 2 for element in VESSELS.values())
@@ -62,8 +73,7 @@ def test_transfer_impedance_matches_series_and_parallel_rules(block):
 def test_direct_current_is_the_impedance_at_zero_frequency(block):
     R, P_0 = direct_current(0.1, block)
     assert float(R) == pytest.approx(float(impedance(block, 0.0)), rel=1e-13)
-    expected = block.P_venous if isinstance(block, Coronary) else block.P_ref
-    assert float(P_0) == pytest.approx(float(expected), rel=1e-12)
+    assert float(P_0) == pytest.approx(back_pressure(block), rel=1e-12)
 
 
 @every_block
@@ -74,7 +84,7 @@ def test_port_pressure_under_sinusoidal_flow_is_the_impedance(block, exact):
     phasor = 0.9 * np.exp(1j * (omega * np.asarray(solution.t) + 0.3)) * Z
     R, P_0 = direct_current(0.0, block)
     P = np.asarray(solution.pressure("port")) - phasor.real - float(P_0 + 1.2 * R)
-    if isinstance(block, Coronary):
+    if isinstance(block, Coronary | ExtendedCoronary):
         # what is left is the answer to P_im, verified in test_periodic_linear.py
         P = P - np.mean(P)
         assert np.max(np.abs(P)) > 1e3
@@ -217,7 +227,7 @@ def test_impossible_parameters_are_refused(name, bad):
     block = BLOCKS[name]
     values = {field.name: getattr(block, field.name) for field in dataclasses.fields(block)}
     for field in values:
-        if field == "P_im" or (bad == -1.0 and field in ("P_ref", "P_venous")):
+        if field in ("P_im", "P_source") or (bad == -1.0 and field in ("P_ref", "P_venous")):
             continue
         with pytest.raises(ValueError, match=field):
             type(block)(**{**values, field: bad})

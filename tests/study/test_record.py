@@ -114,18 +114,39 @@ def test_a_stated_offset_is_used(tmp_path, files):
     assert noise_of(record).offset_sd == pytest.approx(0.2)
 
 
+def test_a_known_curve_is_read_and_written_again_and_needs_its_R0(tmp_path, files):
+    line = next(x for x in files["record.toml"].split("\n") if x.startswith("R0_mmHg"))
+    curve = "K_mmHg_s2_per_ml2 = 0.75\nL_mmHg_s2_per_ml = 0.03"
+    toml = files["record.toml"].replace(line, f"{line}\n{curve}")
+    record, _ = read_record(write(tmp_path / "r", {**files, "record.toml": toml}))
+    assert (record.K, record.L) == pytest.approx((0.75, 0.03), rel=1e-12)
+    assert read_record(write(tmp_path / "again", record_files(record)))[0].K == record.K
+    one = measured(record)
+    assert float(one.K) == record.K
+    alone = toml.replace(line, "")
+    with pytest.raises(CaseError, match="R0 is missing"):
+        read_record(write(tmp_path / "alone", {**files, "record.toml": alone}))
+
+
 def test_R0_comes_from_the_ramp_of_a_finished_study(tmp_path, files):
     record, _ = read_record(write(tmp_path / "r", files))
     rest = record.conditions[0].beats
     drop = float(rest["P_aorta"].mean() - rest["P_distal"].mean())
     unit = 1333.22
-    ramp = {"a": 2.0 * unit, "b": 1.5 * unit, "tangent_40_mmHg": 15.6 * unit}
+    ramp = {"a": 2.0, "b": 1.5, "inertance": 0.03, "tangent_40_mmHg": 15.6}
+    ramp = {key: value * unit for key, value in ramp.items()}
     document = {"format": FORMAT, "kind": "study", "ramp": ramp}
     (tmp_path / "study.json").write_text(json.dumps(document))
     changed, remark = with_case(record, tmp_path)
+    # the unit of mmHg has five digits
+    assert (changed.R0, changed.K, changed.L) == pytest.approx((2.0, 1.5, 0.03), rel=1e-5)
+    assert "curve" in remark
+    ramp["a"] = -0.1 * unit  # no curve that a surrogate could take
+    (tmp_path / "study.json").write_text(json.dumps(document))
+    changed, remark = with_case(record, tmp_path)
     Q = drop / changed.R0
-    # the secant of ΔP = 2 Q + 1.5 Q² at the measured drop; the unit of mmHg has five digits
-    assert 2.0 * Q + 1.5 * Q**2 == pytest.approx(drop, rel=1e-5)
+    assert -0.1 * Q + 1.5 * Q**2 == pytest.approx(drop, rel=1e-5)
+    assert changed.K is None
     assert "secant" in remark
     del document["ramp"]
     (tmp_path / "study.json").write_text(json.dumps(document))

@@ -91,7 +91,7 @@ def study_verdict(result: StudyResult) -> str:
         if run["condition"] == "rest" or run["label"] != LOOP or run["rule"] != _own_rule(result):
             continue
         measured = case.conditions[run["condition"]].ffr
-        known = "" if measured is None else f" (measured {measured:.2f})"
+        known = "" if measured is None else f" (measured {measured:g})"
         below = "at or below" if run["ratio"] <= FFR_THRESHOLD else "above"
         parts.append(f"{run['ratio']:.3f} under {run['condition']}{known}, {below} 0.80")
     loop, target = result.loop, case.conditions["rest"].ffr

@@ -53,7 +53,7 @@ def verdict(result: CaseResult) -> str:
         own = result.run(name)
         others = [r.ratio for r in _readings(result, name)]
         measured = case.conditions[name].ffr
-        known = "" if measured is None else f"measured {measured:.2f}; "
+        known = "" if measured is None else f"measured {measured:g}; "
         parts.append(f"{own.ratio:.2f} under {name} ({known}{_span(others)} over all readings)")
     listed = "; ".join(parts)
     return f"Predicted FFR: {listed}. {_threshold(result)}"

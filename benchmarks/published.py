@@ -205,8 +205,8 @@ def _middle_pressure(
     Sections of R + iωL with a yielding wall between them, from the outlet's impedance back to the
     middle; the flow is the given one there. Effects at zero leave a resistance before the outlet.
     """
-    omega = 2.0 * jnp.pi / period * jnp.arange(CAROTID_HARMONICS + 1)
-    iw = 1j * omega
+    omega = 2.0 * jnp.pi / period * jnp.arange(CAROTID_HARMONICS + 1, dtype=float)
+    iw = jax.lax.complex(jnp.zeros_like(omega), omega)
     R_1, R_2, C = (v * jnp.exp(OUTLET_SD_LOG * x[k]) for k, v in enumerate(OUTLET))
     wall, inertia, viscous, quadratic, late = x[3:]
     area = np.pi * RADIUS**2
@@ -214,9 +214,10 @@ def _middle_pressure(
     R = 8.0 * MU_BLOOD * share / (np.pi * RADIUS**4)
     # area compliance of the tube law of the benchmark, β = 4/3 √π E h/A_0, at the mean pressure
     yielding = 1.5 * area * RADIUS / (YOUNG * THICKNESS) * share
-    series = R + iw * inertia * RHO_BLOOD * share / area
-    admittance = iw * yielding * (wall + viscous / (1.0 + 0.05 * iw))
-    Z = R_1 + R_2 / (1.0 + iw * R_2 * C)
+    series = R + iw * _as_complex(inertia * (RHO_BLOOD * share / area))
+    yields = _as_complex(wall) + _as_complex(viscous) / (1.0 + 0.05 * iw)
+    admittance = iw * yielding * yields
+    Z = _as_complex(R_1) + _as_complex(R_2) / (1.0 + iw * _as_complex(R_2 * C))
     gain, passed = jnp.ones_like(Z), jnp.ones_like(Z)
     for _ in range(SECTIONS):
         # gain: pressure here over that at the outlet; passed: flow times the outlet's impedance
@@ -226,11 +227,17 @@ def _middle_pressure(
     P = Z * Q * gain / passed
     head = 0.5 * RHO_BLOOD * quadratic / area**2
     n = 64
-    phase = jnp.exp(2j * jnp.pi * jnp.outer(jnp.arange(n) / n, jnp.arange(CAROTID_HARMONICS + 1)))
-    wave = (phase @ (Q * jnp.where(omega > 0.0, 2.0, 1.0))).real
-    lost = (jnp.conj(phase).T @ (wave * jnp.abs(wave)).astype(complex)) / n
-    P = (P + head * lost) * jnp.exp(-iw * 0.02 * late)
+    angle = 2.0 * np.pi * np.outer(np.arange(n) / n, np.arange(CAROTID_HARMONICS + 1))
+    phase = jnp.asarray(np.exp(1j * angle))
+    twice = _as_complex(jnp.where(omega > 0.0, 2.0, 1.0))
+    wave = (phase @ (Q * twice)).real
+    lost = (jnp.conj(phase).T @ _as_complex(wave * jnp.abs(wave))) / n
+    P = (P + _as_complex(head) * lost) * jnp.exp(-0.02 * iw * _as_complex(late))
     return _parts(P) / MMHG
+
+
+def _as_complex(x: Float[Array, "*n"]) -> Complex[Array, "*n"]:
+    return jax.lax.complex(x, jnp.zeros_like(x))
 
 
 def carotid_rows() -> list[dict[str, Any]]:
@@ -263,7 +270,7 @@ def carotid_rows() -> list[dict[str, Any]]:
     p = np.exp(np.array(logs) - logsumexp(logs))
     best = int(np.argmax(p))
     rows = []
-    for k in (0, best, *np.argsort(-p)[1:3]):
+    for k in (0, best, *np.argsort(-p)[1:3].tolist()):
         x, left = found[k]
         names = " + ".join(CAROTID_EFFECTS[e] for e in sets[k]) or "no effect"
         sizes = ", ".join(f"{x[3 + e]:.2f}" for e in sets[k])

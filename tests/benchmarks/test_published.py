@@ -1,5 +1,7 @@
 """Published measurements whose missing effect is known; slow, and only where the data are."""
 
+import json
+
 import pytest
 
 from benchmarks import published
@@ -12,6 +14,8 @@ def test_withheld_effects_of_published_data_are_found(shared_data):
     assert found["rows"]
     for row in found["rows"]:
         assert row["right"], row
+    assert found["passed"]
+    assert json.loads(json.dumps(found)) == found  # as the command writes it
 
 
 def test_resistance_of_the_nozzle_is_mostly_the_throat():

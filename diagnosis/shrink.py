@@ -84,7 +84,7 @@ def held_out_gap(diagnosis: Diagnosis) -> list[HeldOut]:
                 return float(np.sqrt(np.mean((waves[c, 1] - trace) ** 2)))
 
             rms = Shrink(error(before), error(after), float(np.hypot(sd, offset)))
-        measured = _ratio(diagnosis, c)
+        measured = measured_ratio(diagnosis, c)
         if measured is not None:
 
             def off(waves: np.ndarray, measured: float = measured, c: int = c) -> float:
@@ -97,7 +97,7 @@ def held_out_gap(diagnosis: Diagnosis) -> list[HeldOut]:
     return found
 
 
-def _ratio(diagnosis: Diagnosis, c: int) -> float | None:
+def measured_ratio(diagnosis: Diagnosis, c: int) -> float | None:
     """Measured pressure ratio of a condition, from waveforms, means, or as stated."""
     record = diagnosis.record
     if record.n_sensors > 1 and np.isfinite(np.asarray(record.wave_sd[c, :2])).all():

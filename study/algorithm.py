@@ -156,22 +156,13 @@ def run_study(
     check_study(case, choice)
     progress = progress or Progress()
     progress.plan(_plan(case, choice))
-    state = states_of(case)[0]
-    mesh = mesh_state(case, state, progress).mesh
-    check_openings(case, mesh, rigid=False)
-    anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
-    site = aortic_site(mesh, anatomy)
-    bench = Bench(case, mesh, mesh_key(case, state), folder, choice.run, progress, site)
+    bench, anatomy = open_bench(case, folder, choice.run, progress)
     progress.step(RAMP)
     record = ramp_record(bench, choice.ramp)
     fit = fitted(record, choice.ramp)
-    curve = SurrogateParameters(
-        R0=float(fit.law.a), K=float(fit.law.b), C0=case.surrogate.C0, law=QUADRATIC
-    )
-    case = dataclasses.replace(case, surrogate=curve)
-    bench = dataclasses.replace(bench, case=case)
+    bench = with_curve(bench, float(fit.law.a), float(fit.law.b))
     progress.step("calibrating in 0D")
-    reduced = run_case(case)
+    reduced = run_case(bench.case)
     loop, runs = _calibrated(bench, choice, reduced)
     runs += _stressed(bench, choice, loop, runs)
     progress.step("measuring the lumen")
@@ -180,6 +171,35 @@ def run_study(
     return StudyResult(
         bench, anatomy, choice, record, fit, reduced, loop, runs, motion, found, failures
     )
+
+
+def open_bench(
+    case: Case, folder: pathlib.Path, choice: RunChoice, progress: Progress
+) -> tuple[Bench, Anatomy | None]:
+    """What all runs of a case share, its mesh made or taken from the cache, and its anatomy.
+
+    Args:
+        case: the case.
+        folder: where stages and runs are kept.
+        choice: how runs are made.
+        progress: told of the meshing.
+
+    Raises:
+        CaseError: no mesh can be made, or it lacks an opening.
+    """
+    state = states_of(case)[0]
+    mesh = mesh_state(case, state, progress).mesh
+    check_openings(case, mesh, rigid=False)
+    anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
+    site = aortic_site(mesh, anatomy)
+    return Bench(case, mesh, mesh_key(case, state), folder, choice, progress, site), anatomy
+
+
+def with_curve(bench: Bench, a: float, b: float) -> Bench:
+    """The bench whose case has a ramp's curve for surrogate, a [dyn·s/cm⁵], b [dyn·s²/cm⁸]."""
+    case = bench.case
+    curve = SurrogateParameters(R0=a, K=b, C0=case.surrogate.C0, law=QUADRATIC)
+    return dataclasses.replace(bench, case=dataclasses.replace(case, surrogate=curve))
 
 
 def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:

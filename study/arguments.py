@@ -130,11 +130,13 @@ cohort.html, cohort.json and a folder with the report of each case.
 examples:
   jaxfsi diagnose record                       a folder with record.toml
   jaxfsi diagnose record --case case.toml      R0 from the patient's case
-  jaxfsi diagnose record --case case-results   R0 from the ramp of a finished study
+  jaxfsi diagnose record --case case-results   the ramp's curve from a finished study
+  jaxfsi diagnose record --case case-results --in-3d   the gap in the FSI model as well
   jaxfsi diagnose record --richness means      use no more than means of the record
 
 writes diagnosis.json and diagnosis.html. Conditions with held_out = true are predicted and only
-then compared.
+then compared. With --in-3d every condition is run in the FSI model too, as calibrated and with the
+named effect; the runs are kept in in-3d/, and the command given again goes on where it was ended.
 """,
     ),
     "plan-measurement": (
@@ -219,6 +221,13 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         )
     parsers["diagnose"].add_argument(
         "--richness", choices=RICHNESS, help="use no more of the record; default: all"
+    )
+    parsers["diagnose"].add_argument(
+        "--in-3d",
+        nargs="*",
+        metavar="CONDITION",
+        help="measure the gap in 3D as well, in these conditions (default: all), with the mesh of "
+        "the finished study of --case",
     )
     parsers["show"].add_argument("result", type=pathlib.Path, metavar="RESULT", help="its folder")
     for name, command in parsers.items():

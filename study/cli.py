@@ -22,6 +22,7 @@ from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
 from study.cohort_command import cohort_command
 from study.demo import demo_case_path, demo_cohort_path
+from study.diagnosis_in_3d import gap_in_3d, study_in_3d
 from study.diagnosis_report import diagnosis_report
 from study.diagnosis_results import (
     DIAGNOSIS_FILE,
@@ -285,11 +286,15 @@ def _sweep(options: argparse.Namespace) -> None:
 def _diagnose(options: argparse.Namespace) -> None:
     record, remarks, folder = _open_record(options)
     with Progress() as progress:
+        study = study_in_3d(options, record, progress)
         diagnosis = diagnose_record(record, options.richness, progress)
+        more = {}
+        if study is not None:
+            part = gap_in_3d(record, diagnosis, study, options.in_3d, folder, progress)
+            more = {"in_3d": part}
         progress.step("writing the report")
-        document = diagnosis_document(
-            record, remarks, diagnosis, record_origin(options.record, options.command_line)
-        )
+        origin = record_origin(options.record, options.command_line)
+        document = {**diagnosis_document(record, remarks, diagnosis, origin), **more}
         files = {DIAGNOSIS_PAGE: diagnosis_report(document), DIAGNOSIS_FILE: to_json(document)}
         written = write_files(folder, files)
     _show(options, document, written)

@@ -46,6 +46,7 @@ from jaxfsi.core.ports import BlockPort, Port, PressurePort
 from jaxfsi.core.state import State, initial_state
 from lumped import (
     RCR,
+    AbstractElement,
     AorticPressure,
     Coronary,
     PressureSource,
@@ -114,7 +115,7 @@ class Outlets:
 
     alpha: Parameter
     alpha_origin: str
-    blocks: dict[str, RCR | Coronary]
+    blocks: dict[str, AbstractElement]
     starts: dict[str, Float[Array, " _"]]
 
     def ports(self, inlet: AbstractWaveform, names: Sequence[str]) -> dict[str, Port]:
@@ -191,9 +192,8 @@ def check_openings(case: Case, mesh: Mesh, *, rigid: bool) -> None:
     Raises:
         CaseError: an opening of the aorta is missing, or there is no outlet or no wall.
     """
-    names = mesh.openings
+    names, problem = mesh.openings, ""
     missing = [name for name in (INLET, OUTLET) if name not in names]
-    problem = ""
     if missing:
         problem = f"the mesh has no opening named {' or '.join(missing)}"
     elif len(names) < 3:
@@ -305,7 +305,7 @@ def outlets_of(
     patient = _patient(case)
     alpha, origin = _alpha(patient, alpha)
     own = None if patient is None else patient.model.surrogate
-    blocks: dict[str, RCR | Coronary] = {
+    blocks: dict[str, AbstractElement] = {
         OUTLET: _windkessel(case, condition, rule, _opening_area(mesh, OUTLET))
     }
     starts = {OUTLET: _start(inlet, entry.period, blocks[OUTLET])}
@@ -382,7 +382,7 @@ def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: Para
 
 
 def _start(
-    inlet: AbstractWaveform, period: float, block: RCR | Coronary
+    inlet: AbstractWaveform, period: float, block: AbstractElement
 ) -> Float[Array, " states"]:
     """Periodic states of a block directly behind the aortic pressure, at the start of a cycle."""
     parts: dict[str, Any] = {

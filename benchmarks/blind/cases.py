@@ -9,7 +9,8 @@ import hashlib
 import json
 import pathlib
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -142,47 +143,100 @@ class Cases:
             self._write(folder / f"case-{k:04d}", k, sd, beats, state)
 
     def _write(self, folder: pathlib.Path, k: int, sd: float, beats: int, state: bool) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
         C = len(CONDITIONS)
-        lines = [f'id = "case-{k:04d}"']
-        if state:
-            lines += ["[noise]", f"pressure_sd_mmHg = {sd}",
-                      f"pressure_offset_sd_mmHg = {max(self.offset, 0.01)}",
-                      "flow_relative_sd = 0.05", "ffr_sd = 0.01"]  # fmt: skip
         R0 = self.lanes["R0_prior"][k * C]
-        lines += ["[prior]", f"R0_mmHg_s_per_ml = {{ value = {R0:.6g}, sd_log = 0.15 }}"]
-        for c, (name, drug, _, *_rest) in enumerate(CONDITIONS):
-            T = self.lanes["period"][k * C + c]
-            P = {n: self.traces[n][k, c] for n in ("P_aorta", "P_distal")}
-            single = sd * np.sqrt(beats)
-            noisy = {
-                n: np.tile(wave, beats)
-                + noise(self.rng, (beats, SAMPLED), single).reshape(-1)
-                + self.offset * self.rng.standard_normal()
-                for n, wave in P.items()
-            }
-            means = {n: wave.mean() for n, wave in noisy.items()}
-            ffr = means["P_distal"] / means["P_aorta"] + 0.01 * self.rng.standard_normal()
-            flow = self.traces["Q"][k, c].mean() * 60.0 * (1.0 + 0.05 * self.rng.standard_normal())
-            lines += [
-                "[[condition]]", f'name = "{name}"', f'drug = "{drug}"', f"order = {c}",
-                f"held_out = {'true' if c == C - 1 else 'false'}", f"period_s = {T:.6g}",
-                f"P_systolic_mmHg = {self.recorded[0][k, c]:.5g}",
-                f"P_diastolic_mmHg = {self.recorded[1][k, c]:.5g}",
-                f"mean_P_aorta_mmHg = {means['P_aorta']:.6g}",
-                f"mean_P_distal_mmHg = {means['P_distal']:.6g}", f"ffr = {ffr:.5g}",
-                f"mean_flow_ml_per_min = {flow:.6g}", f'file = "{name}.csv"',
-            ]  # fmt: skip
-            t = np.arange(beats * SAMPLED) / SAMPLED * T
-            columns = np.stack([t, noisy["P_aorta"], noisy["P_distal"]], axis=1)
-            rows = "\n".join(",".join(f"{v:.7g}" for v in row) for row in columns)
-            head = "time_s,P_aorta_mmHg,P_distal_mmHg"
-            (folder / f"{name}.csv").write_text(f"{head}\n{rows}\n", encoding="utf-8")
-        (folder / "record.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        prior = [f"R0_mmHg_s_per_ml = {{ value = {R0:.6g}, sd_log = 0.15 }}"]
+        settings = [
+            Setting(
+                name,
+                drug,
+                c == C - 1,
+                float(self.lanes["period"][k * C + c]),
+                (float(self.recorded[0][k, c]), float(self.recorded[1][k, c])),
+                {n: self.traces[n][k, c] for n in ("P_aorta", "P_distal", "Q")},
+            )
+            for c, (name, drug, *_) in enumerate(CONDITIONS)
+        ]
+        write_record(folder, prior, settings, self.rng, sd, self.offset, beats=beats, state=state)
 
     def clean(self, k: int) -> np.ndarray:
         """Distal pressure of the held-out condition without noise."""
         return self.traces["P_distal"][k, -1]
+
+
+class Setting(NamedTuple):
+    """One condition of a record to be written.
+
+    Attributes:
+        name, drug: as in the record.
+        held_out: whether only its aortic pressure may be used.
+        period: length of the beat [s].
+        P_recorded: systolic and diastolic pressure as the record states them [mmHg].
+        traces: P_aorta, P_distal [mmHg] and Q [mL/s] at `SAMPLED` instants, without noise.
+    """
+
+    name: str
+    drug: str
+    held_out: bool
+    period: float
+    P_recorded: tuple[float, float]
+    traces: Mapping[str, np.ndarray]
+
+
+def write_record(
+    folder: pathlib.Path,
+    prior: Sequence[str],
+    settings: Sequence[Setting],
+    rng: np.random.Generator,
+    sd: float,
+    offset: float,
+    *,
+    beats: int = 1,
+    state: bool = True,
+) -> None:
+    """Add noise to traces and write them as a record.
+
+    Args:
+        folder: of the record, named as its id; made if needed.
+        prior: lines of the table [prior].
+        settings: the conditions in order of acquisition.
+        rng: gives the noise.
+        sd: noise of the mean beat [mmHg].
+        offset: slow offset of each pressure trace [mmHg].
+        beats: beats in each file; their mean has noise of that sd.
+        state: whether the record states its noise.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [f'id = "{folder.name}"']
+    if state:
+        lines += ["[noise]", f"pressure_sd_mmHg = {sd}",
+                  f"pressure_offset_sd_mmHg = {max(offset, 0.01)}",
+                  "flow_relative_sd = 0.05", "ffr_sd = 0.01"]  # fmt: skip
+    lines += ["[prior]", *prior]
+    for c, (name, drug, held_out, T, (high, low), traces) in enumerate(settings):
+        noisy = {
+            n: np.tile(traces[n], beats)
+            + noise(rng, (beats, SAMPLED), sd * np.sqrt(beats)).reshape(-1)
+            + offset * rng.standard_normal()
+            for n in ("P_aorta", "P_distal")
+        }
+        means = {n: wave.mean() for n, wave in noisy.items()}
+        ffr = means["P_distal"] / means["P_aorta"] + 0.01 * rng.standard_normal()
+        flow = traces["Q"].mean() * 60.0 * (1.0 + 0.05 * rng.standard_normal())
+        lines += [
+            "[[condition]]", f'name = "{name}"', f'drug = "{drug}"', f"order = {c}",
+            f"held_out = {'true' if held_out else 'false'}", f"period_s = {T:.6g}",
+            f"P_systolic_mmHg = {high:.5g}", f"P_diastolic_mmHg = {low:.5g}",
+            f"mean_P_aorta_mmHg = {means['P_aorta']:.6g}",
+            f"mean_P_distal_mmHg = {means['P_distal']:.6g}", f"ffr = {ffr:.5g}",
+            f"mean_flow_ml_per_min = {flow:.6g}", f'file = "{name}.csv"',
+        ]  # fmt: skip
+        t = np.arange(beats * SAMPLED) / SAMPLED * T
+        columns = np.stack([t, noisy["P_aorta"], noisy["P_distal"]], axis=1)
+        rows = "\n".join(",".join(f"{v:.7g}" for v in row) for row in columns)
+        head = "time_s,P_aorta_mmHg,P_distal_mmHg"
+        (folder / f"{name}.csv").write_text(f"{head}\n{rows}\n", encoding="utf-8")
+    (folder / "record.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def seal(folder: pathlib.Path, labels: list[dict]) -> None:

@@ -1,0 +1,179 @@
+"""The gap in 3D with a quick stand-in for the march: beds and inlet reach the run, runs are kept.
+
+The stand-in is the surrogate itself in 0D; everything around the march is real (blocks, model,
+keys, stages). With it the gap in 3D must be that of the surrogate.
+"""
+
+import dataclasses
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import study.fsi_bench as fsi_bench
+from diagnosis import CATALOGUE, Diagnosis, Judgement, find_effect, measured, stacked
+from diagnosis.boundary import boundary_of
+from diagnosis.diagnose import take
+from diagnosis.effects import apply_effects
+from diagnosis.engine import base_start, run_fits
+from diagnosis.hypothesis import numbers_of
+from diagnosis.prediction import base_circuit, situations
+from lumped import MMHG
+from study import read_case
+from study.algorithm import open_bench
+from study.boundary_run import PHASES, Drive, drive_key, drive_setup, known_difference
+from study.case import WallParameters
+from study.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d
+from study.finished_study import FinishedStudy, finished_study
+from study.fsi_bench import RunChoice
+from study.progress import Progress
+from study.provenance import input_files, origin
+from study.record_file import record_files
+from tests.diagnosis.records import synthetic
+from tests.study.quick_march import QuickMarch
+
+PUMP = find_effect(CATALOGUE, "intramyocardial_pump")
+FEW = tuple(find_effect(CATALOGUE, n) for n in ("vasodilation", "sensor_height"))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _core_rules():
+    """Fields times numbers of elements are allowed, as in the core."""
+    with jax.numpy_rank_promotion("allow"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory, tube):
+    """A study of the tube as if it had been run; its wall takes no prestress, to save time."""
+    folder = tmp_path_factory.mktemp("tube")
+    case = read_case(tube.write_case(folder))
+    case = dataclasses.replace(case, wall=WallParameters(prestress="none"))
+    bench, _ = open_bench(case, folder / "results", RunChoice(), Progress())
+    return FinishedStudy(bench, {"runs": [], "loop": {"alpha": 0.25}})
+
+
+def drive_of(study, size: float) -> Drive:
+    record = synthetic({})
+    blank = measured(record)
+    case = jax.tree.map(lambda leaf: leaf[0], situations(blank))
+    circuit = base_circuit(case, jnp.zeros(7))
+    boundary = boundary_of(apply_effects(circuit, [PUMP], jnp.array([size])))
+    entry = entry_of(study.bench.case, record.conditions[0])
+    return Drive(entry, boundary.bed, boundary.P_ostium, np.zeros(PHASES.size))
+
+
+def test_an_effect_enters_the_key_and_a_size_of_zero_changes_no_bit_of_the_set_up(study):
+    plain, *drives = (drive_of(study, size) for size in (0.0, 0.0, 0.3))
+    keys = [drive_key(study.bench, drive) for drive in (plain, *drives)]
+    assert keys[0] == keys[1] != keys[2]
+    later = plain._replace(difference=np.full(PHASES.size, 0.5))
+    assert drive_key(study.bench, later) != keys[0]
+    setups = [drive_setup(study.bench, drive) for drive in (plain, *drives)]
+    structures = {str(jax.tree.structure((s.model, s.state))) for s in setups}
+    assert len(structures) == 1  # one compiled step
+    leaves = [jax.tree.leaves((s.model, s.state)) for s in setups]
+    assert all(np.array_equal(a, b) for a, b in zip(leaves[0], leaves[1], strict=True))
+    assert not all(np.array_equal(a, b) for a, b in zip(leaves[0], leaves[2], strict=True))
+
+
+def test_inlet_takes_what_the_ostium_wants_less_the_difference(study):
+    history = {
+        "t_s": np.linspace(0.0, 0.8, 81).tolist(),
+        "P_aorta_mmHg": [80.0] * 81,
+        "t_site_s": (0.02 * np.arange(1, 41)).tolist(),
+        "P_site_mmHg": (81.0 + np.sin(2.0 * np.pi * 0.025 * np.arange(1, 41))).tolist(),
+    }
+    run = {"condition": "rest", "alpha": 0.3, "period_s": 0.8, "history": history}
+    drive = drive_of(study, 0.0)
+    found = known_difference([run], drive.entry, 0.3)
+    # 40 frames of a sine, read between them
+    np.testing.assert_allclose(found, 1.0 + np.sin(2.0 * np.pi * PHASES), atol=0.01)
+    assert not known_difference([run], drive.entry, 0.4).any()
+    t = jnp.asarray(PHASES * drive.entry.period)
+    wanted = jax.vmap(drive.P_ostium)(t)
+    given = jax.vmap(drive._replace(difference=found).P_inlet)(t)
+    np.testing.assert_allclose((wanted - given) / MMHG, found, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    """A record and its diagnosis: fitted with and without the cause, the verdict given."""
+    record = synthetic({"vasodilation": 0.6}, seed=3)
+    batch, hypotheses = stacked([measured(record)]), ((), ("vasodilation",))
+    pairs, numbers = [(-1, -1), (0, -1)], numbers_of(FEW)
+    fits = run_fits(batch, [0, 0], pairs, np.repeat(base_start(batch), 2, axis=0), numbers, FEW)
+    judgement = Judgement("named", hypotheses[1], {}, {}, (), hypotheses[1], True)
+    return record, Diagnosis(
+        record=jax.tree.map(lambda leaf: leaf[0], batch),
+        effects=FEW,
+        judgement=judgement,
+        fits={h: take(fits, k) for k, h in enumerate(hypotheses)},
+        log_B={},
+        scan={},
+        visibility={},
+        forcing=np.zeros((1, 1, 1, 1)),
+        accompanied={},
+        beside={},
+        n_data=1,
+    )
+
+
+def test_the_gap_in_3d_is_that_of_the_surrogate_where_3d_is_the_surrogate(
+    diagnosis, study, tmp_path
+):
+    record, found = diagnosis
+    circuit = circuits_of(found, found.best)[0]
+    march = QuickMarch(float(circuit.R0) * MMHG, float(circuit.C0) / MMHG)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fsi_bench, "run_simulation", march)
+        some = gap_in_3d(record, found, study, ("dobutamine_high",), tmp_path, Progress())
+        part = gap_in_3d(record, found, study, (), tmp_path, Progress())
+        again = gap_in_3d(record, found, study, (), tmp_path, Progress())
+    assert len(march.folders) == 2 * len(record.conditions), "kept runs are not made again"
+    assert json.dumps(part) == json.dumps(again)
+    assert some["conditions"] == part["conditions"][-1:]
+    assert part["at_the_boundary"] == ["vasodilation"]
+    assert [c["held_out"] for c in part["conditions"]] == [False, False, False, True]
+    for entry in part["conditions"]:
+        rms = entry["P_distal_rms_mmHg"]
+        # the surrogate keeps 40 harmonics: 0.05 mmHg of 0.5 mmHg noise
+        assert rms["in_3d"]["after"] == pytest.approx(rms["surrogate"]["after"], abs=0.05)
+        assert entry["P_ostium_rms_mmHg"] < 0.1
+    held = part["conditions"][-1]["P_distal_rms_mmHg"]
+    assert held["in_3d"]["after"] < 0.5 * held["in_3d"]["before"]
+
+
+def test_a_study_is_opened_again_and_refused_once_its_case_has_changed(tmp_path, tube):
+    path = tube.write_case(tmp_path)
+    case = read_case(path)
+    command = ["jaxfsi", "study", str(path), "--out", str(tmp_path / "out")]
+    document = {
+        "kind": "study",
+        "format": "jaxfsi 1",
+        "ramp": {"a": 500.0, "b": 1200.0},
+        "loop": {"alpha": 0.2},
+        "runs": [],
+        "provenance": origin(input_files(case), tmp_path, command),
+    }
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/study.json").write_text(json.dumps(document))
+    found = finished_study(tmp_path / "out", Progress())
+    assert found.alpha == 0.2
+    assert (found.bench.case.surrogate.R0, found.bench.case.surrogate.K) == (500.0, 1200.0)
+    tube.write_case(tmp_path, systolic=140.0)
+    with pytest.raises(ValueError, match=r"changed since the study: case\.toml"):
+        finished_study(tmp_path / "out", Progress())
+
+
+def test_in_3d_without_a_study_is_refused(command, tmp_path):
+    record = tmp_path / "record"
+    record.mkdir()
+    for name, text in record_files(synthetic({})).items():
+        (record / name).write_text(text, encoding="utf-8")
+    for options, problem in ((["--in-3d"], "finished study"), (["--in-3d", "rests"], "rests")):
+        found = command("diagnose", record, *options)
+        assert found.status == 2
+        assert problem in found.stderr

@@ -12,7 +12,6 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
-from diagnosis import Record
 from study.algorithm import check_study, run_study
 from study.algorithm_report import write_study
 from study.anatomy_source import case_anatomy, states_of
@@ -22,15 +21,6 @@ from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
 from study.cohort_command import cohort_command
 from study.demo import demo_case_path, demo_cohort_path
-from study.diagnosis_in_3d import gap_in_3d, study_in_3d
-from study.diagnosis_report import diagnosis_report
-from study.diagnosis_results import (
-    DIAGNOSIS_FILE,
-    DIAGNOSIS_PAGE,
-    PLAN_FILE,
-    diagnosis_document,
-)
-from study.diagnosis_run import diagnose_record, plan_record, record_origin, with_case
 from study.faults import CaseError, Fault
 from study.folder_lock import at_work
 from study.mesh_case import (
@@ -46,7 +36,7 @@ from study.output import OutputRefused, check_folder, write_files, write_tree
 from study.pipeline import run_case
 from study.progress import Progress
 from study.provenance import provenance
-from study.record_file import read_record, record_path
+from study.record_command import diagnose_command, plan_command
 from study.report import html_report, simulation_report
 from study.results import (
     MESH_FILE,
@@ -284,44 +274,11 @@ def _sweep(options: argparse.Namespace) -> None:
 
 
 def _diagnose(options: argparse.Namespace) -> None:
-    record, remarks, folder = _open_record(options)
-    with Progress() as progress:
-        study = study_in_3d(options, record, progress)
-        diagnosis = diagnose_record(record, options.richness, progress)
-        more = {}
-        if study is not None:
-            part = gap_in_3d(record, diagnosis, study, options.in_3d, folder, progress)
-            more = {"in_3d": part}
-        progress.step("writing the report")
-        origin = record_origin(options.record, options.command_line)
-        document = {**diagnosis_document(record, remarks, diagnosis, origin), **more}
-        files = {DIAGNOSIS_PAGE: diagnosis_report(document), DIAGNOSIS_FILE: to_json(document)}
-        written = write_files(folder, files)
-    _show(options, document, written)
+    _show(options, *diagnose_command(options))
 
 
 def _plan(options: argparse.Namespace) -> None:
-    record, _, folder = _open_record(options, needs_data=False)
-    with Progress() as progress:
-        document = plan_record(
-            record, progress, record_origin(options.record, options.command_line)
-        )
-    _show(options, document, write_files(folder, {PLAN_FILE: to_json(document)}))
-
-
-def _open_record(
-    options: argparse.Namespace, *, needs_data: bool = True
-) -> tuple[Record, tuple[str, ...], pathlib.Path]:
-    """The record, what it lacks, and the checked folder for results; computing may begin."""
-    record, remarks = read_record(options.record, needs_data=needs_data)
-    if options.case is not None:
-        record, more = with_case(record, options.case)
-        remarks = (*remarks, more)
-    place = record_path(options.record).resolve().parent
-    folder = place.parent / f"{place.name}-results" if options.out is None else options.out
-    folder = check_folder(folder)
-    use_cache()
-    return record, remarks, folder
+    _show(options, *plan_command(options))
 
 
 def _show_result(options: argparse.Namespace) -> None:

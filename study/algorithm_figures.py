@@ -145,7 +145,8 @@ def waveforms(document: Document) -> str:
                     fontsize=8.5,
                 )
             pressure.text(
-                start + 0.02, 1.0, _title(run), transform=pressure.get_xaxis_transform(),
+                start + 0.02, 1.0, _title(run),
+                transform=pressure.get_xaxis_transform(),
                 va="bottom", fontsize=9, color=INK, fontweight="bold",
             )  # fmt: skip
             start = float(t[-1])
@@ -167,7 +168,7 @@ def _shown(document: Document) -> list[Document]:
 
 
 def _title(run: Document) -> str:
-    rule = f", rule {run['rule']}" if run["rule"] else ""
+    rule = f"\nrule {run['rule']}" if run["rule"] else ""
     return f"{run['condition']}{rule}"
 
 

@@ -11,10 +11,7 @@ from typing import Any, Literal
 
 from lumped.parameters import Parameter
 from study.beat import Beat
-from study.case_anatomy import (
-    Anatomy,
-    IvusAnatomy,
-)
+from study.case_anatomy import Anatomy, IvusAnatomy
 from study.case_tables import key_homes, read_tables
 from study.document import read_document
 from study.faults import CaseError, Fault

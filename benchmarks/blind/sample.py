@@ -39,17 +39,7 @@ SHOWN = 3
 """Hypotheses compared in each record, the likeliest ones."""
 
 
-@partial(jax.jit, static_argnames=("effects", "nonlinear"))
-def _form(
-    record: Measured,
-    pair: Int[Array, " 2"],
-    x: Float[Array, " k"],
-    numbers: Catalogue,
-    *,
-    effects: tuple[Effect, ...],
-    nonlinear: bool,
-) -> Float[Array, "c d m"]:
-    return form_uncertainty(record, effects, numbers, pair, x, nonlinear=nonlinear)
+_form = jax.jit(form_uncertainty, static_argnames=("effects", "nonlinear"))
 
 
 @partial(jax.jit, static_argnames=("effects", "nonlinear"))
@@ -116,7 +106,7 @@ def sampled_log_evidence(
     pair = jnp.asarray(np.array(at + [-1] * (2 - len(at))))
     bent = any(effects[k].nonlinear for k in at)
     x = jnp.asarray(np.asarray(diagnosis.fits[hypothesis].x))
-    F = np.asarray(_form(record, pair, x, numbers, effects=effects, nonlinear=bent))
+    F = np.asarray(_form(record, effects, numbers, pair, x, nonlinear=bent))
     # factorised once by NumPy, so that no library is called beside the draws
     factor = np.linalg.cholesky(np.eye(F.shape[1]) + F @ F.swapaxes(1, 2))
     whitener = jnp.asarray(np.linalg.inv(factor))

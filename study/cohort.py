@@ -45,6 +45,7 @@ from study.cli import main
 sys.exit(main(sys.argv[1:]))
 """
 _LOOK_SECONDS = 0.5
+_INTERRUPTS = 30  # a second apart, before what still runs is killed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -167,16 +168,7 @@ def run_cohort(
                 text = f"{len(fates)} of {len(members)} cases done; at work: {', '.join(running)}"
                 tell(text, len(fates) / len(members), _left(pace, left, spent, done))
     except BaseException:
-        for _, process, _, _ in running.values():
-            with contextlib.suppress(ProcessLookupError):
-                process.send_signal(signal.SIGINT)
-        for _, process, _, _ in running.values():
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(30.0)
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-            _let_go(process)
+        _interrupt([process for _, process, _, _ in running.values()])
         raise
     return [fates[member.name] for member in members]
 
@@ -209,6 +201,28 @@ def _started(
             env={**os.environ, **alone},
             start_new_session=True,
         )
+
+
+def _interrupt(processes: Sequence[subprocess.Popen[bytes]]) -> None:
+    """End processes in order, after some time at once.
+
+    Asked more than once: Python drops an interrupt that reaches it in a callback, as one in
+    five did during a child's imports.
+    """
+    for _ in range(_INTERRUPTS):
+        alive = [process for process in processes if process.poll() is None]
+        if not alive:
+            break
+        for process in alive:
+            with contextlib.suppress(ProcessLookupError):
+                process.send_signal(signal.SIGINT)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            alive[-1].wait(1.0)
+    for process in processes:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        _let_go(process)
 
 
 def _let_go(process: subprocess.Popen[bytes]) -> None:

@@ -112,6 +112,31 @@ def test_interrupted_children_are_ended(folder, tmp_path):
     assert not (members[0].folder / "result.json").exists()
 
 
+_DEAF_AT_FIRST = """
+import pathlib, signal, sys, time
+def drop(*_):
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGINT, drop)
+folder = pathlib.Path(sys.argv[-1])
+(folder / "begun").touch()
+time.sleep(20.0)
+(folder / "result.json").touch()
+"""
+
+
+def test_interrupt_that_a_child_drops_is_sent_again(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("study.cohort._PROGRAM", _DEAF_AT_FIRST)
+    member = find_members(folder, tmp_path)[0]
+
+    def stop(text, share, left):
+        if (member.folder / "begun").exists():
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_cohort([member], "curve", tell=stop)
+    assert not (member.folder / "result.json").exists()
+
+
 def test_folder_without_cases_is_refused(tmp_path, command):
     found = command("cohort", tmp_path, folder=tmp_path / "out")
     assert found.status == 2

@@ -1,14 +1,16 @@
 """Which effect: all hypotheses of a batch of records, their evidence, and the verdicts.
 
-1. The base model is fitted. 2. Every effect of the catalogue is refitted from there. 3. About the
-two best, one Jacobian scans all partners; the four best pairs are fitted, and with the best effect
-all partners that a scan from size zero may miss; the others take the evidence of the scan, but no
-more gain than the fitted partners have. 4. A free forcing at every place, alone and beside the best
-hypotheses, gives "unknown". 5. Evidence and priors give probabilities and a verdict.
+1. The base model is fitted. 2. One Jacobian there scans all effects and pairs; every effect is
+refitted from there. 3. About the two best, one Jacobian scans all partners; the four best pairs are
+fitted, and with the best effect all partners that a scan from size zero may miss; the others take
+the evidence of the scan, but no more gain than the fitted partners have. Where no effect stands out
+no pair is fitted and all take what the first scan says beside the fit of their better half. 4. A
+free forcing at every place, alone and beside the best hypotheses, gives "unknown". 5. Evidence and
+priors give probabilities and a verdict.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +20,7 @@ from jaxtyping import Float
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.effects import SCALE, Effect
 from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans, silent
-from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
+from diagnosis.hypothesis import Catalogue, Fitted, Scan, numbers_of
 from diagnosis.measured import Measured, weights
 from diagnosis.prediction import n_unknowns
 from diagnosis.verdict import PRIOR, Hypothesis, Judgement, judge, probabilities_of
@@ -111,13 +113,14 @@ def diagnose(
     single = _best_of_starts(batch, record, pairs, x[record], numbers, effects, tell)
     single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
 
-    scan_log_B, _, visible = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
+    scan = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
     found, scanned = _pairs(batch, single, single_log_B, numbers, effects, tell)
     forced = _forcings(batch, base, single, found, numbers, effects, tell)
     counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
     return [
-        _assembled(batch, effects, b, base, single, found.get(b, {}), scanned.get(b, {}),
-                   scan_log_B[b], visible[b], forced[b], int(counts[b]))
+        _assembled(batch, effects, b, base, single, found.get(b, {}),
+                   scanned.get(b) or _gains(single_log_B[b], take(scan, b)),
+                   take(scan, b), forced[b], int(counts[b]))
         for b in range(B)
     ]  # fmt: skip
 
@@ -155,9 +158,19 @@ def _best_of_starts(
     return jax.tree.map(merge, near, far)
 
 
-def take(fitted: Fitted, k: int) -> Fitted:
-    """One fit of many."""
-    return jax.tree.map(lambda leaf: leaf[k], fitted)
+T = TypeVar("T", Fitted, Scan)
+
+
+def take(found: T, k: int) -> T:
+    """One fit of many, or one scan."""
+    return jax.tree.map(lambda leaf: leaf[k], found)
+
+
+def _gains(log_B: np.ndarray, scan: Scan) -> dict[tuple[int, int], float]:
+    """Gain in ln Z of every pair over its better half, by the scan about the base optimum."""
+    upper = zip(*np.triu_indices(log_B.size, 1), strict=True)
+    pairs = [(int(i), int(j)) if log_B[i] >= log_B[j] else (int(j), int(i)) for i, j in upper]
+    return {(i, j): float(scan.pair_log_B[i, j] - scan.log_B[i]) for i, j in pairs}
 
 
 def _pairs(
@@ -178,7 +191,7 @@ def _pairs(
     order = np.argsort(-log_B, axis=1)
     rows = np.concatenate([worth * E + order[worth, place] for place in (0, 1)])
     owner = np.concatenate([worth, worth])
-    partner_log_B, partner_size, _ = run_scans(
+    partners = run_scans(
         batch, owner, np.asarray(single.x)[rows], np.asarray(single.sizes)[rows], numbers, effects
     )
     jobs: list[tuple[int, int, int]] = []
@@ -188,16 +201,16 @@ def _pairs(
         for n, b in enumerate(worth):
             at = place * worth.size + n
             first = int(order[b, place])
-            ranked = [int(e) for e in np.argsort(-partner_log_B[at]) if e != first]
+            ranked = [int(e) for e in np.argsort(-partners.log_B[at]) if e != first]
             taken = [{i, j} for owner_, i, j in jobs if owner_ == b]
             fresh = [e for e in ranked if {first, e} not in taken][:count]
             scanned.setdefault(int(b), {}).update(
-                {(first, e): float(partner_log_B[at, e]) for e in range(E) if e != first}
+                {(first, e): float(partners.log_B[at, e]) for e in range(E) if e != first}
             )
             for e in fresh:
                 jobs.append((int(b), first, e))
                 start = np.asarray(single.x)[rows[at]].copy()
-                start[-1] = 0.5 * np.clip(partner_size[at, e], -1.0, 1.0)
+                start[-1] = 0.5 * np.clip(partners.size[at, e], -1.0, 1.0)
                 starts.append(start)
             if place == 0:
                 for e in np.flatnonzero([effect.two_starts for effect in effects]):
@@ -264,8 +277,7 @@ def _assembled(
     single: Fitted,
     pairs: Mapping[tuple[int, int], Fitted],
     scanned: Mapping[tuple[int, int], float],
-    scan_log_B: np.ndarray,
-    visible: np.ndarray,
+    scan: Scan,
     forced: Mapping[tuple[int, ...], np.ndarray],
     n_data: int,
 ) -> Diagnosis:
@@ -289,9 +301,10 @@ def _assembled(
         judgement=judgement,
         fits=fits,
         log_B={h: value - none for h, value in log_Z.items()},
-        scan=dict(zip(names, (float(v) for v in scan_log_B), strict=True)),
+        scan=dict(zip(names, (float(v) for v in scan.log_B), strict=True)),
         visibility={
-            n: float(v) / (SCALE * e.sd) for n, v, e in zip(names, visible, effects, strict=True)
+            n: float(v) / (SCALE * e.sd)
+            for n, v, e in zip(names, scan.length, effects, strict=True)
         },
         forcing=unknown[()] - none,
         accompanied={h: value - none for h, value in unknown.items() if h},

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 
 from diagnosis.effects import Effect
 from diagnosis.forcing import forcing_evidence
-from diagnosis.hypothesis import Catalogue, Fitted, fit_hypothesis, linearise, score_scan
+from diagnosis.hypothesis import Catalogue, Fitted, Scan, fit_hypothesis, linearise, score_scan
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
 
@@ -62,8 +62,8 @@ def _scan_block(
     numbers: Catalogue,
     *,
     effects: tuple[Effect, ...],
-) -> tuple[Array, Array, Array]:
-    def one(measured: Measured, x: Array, sizes: Array) -> tuple[Array, Array, Array]:
+) -> Scan:
+    def one(measured: Measured, x: Array, sizes: Array) -> Scan:
         return score_scan(linearise(measured, effects, numbers, x, sizes), numbers)
 
     return jax.vmap(one)(records, x, sizes)
@@ -153,8 +153,8 @@ def run_scans(
     sizes: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Score scan about given optima: ln B of each effect, its expected size, its visibility."""
+) -> Scan:
+    """Score scans about given optima, in NumPy arrays."""
     scan = partial(_scan_block, numbers=numbers, effects=effects)
     return _in_blocks(scan, batch, np.asarray(record, int), (x, sizes), lambda count: None)
 

@@ -58,8 +58,8 @@ class Posterior(NamedTuple):
 
 
 def log_moment(
-    mean: Float[Array, " k"], variance: Float[Array, " k"], one_sided: Float[Array, " k"]
-) -> Float[Array, " k"]:
+    mean: Float[Array, "*k"], variance: Float[Array, "*k"], one_sided: Float[Array, "*k"]
+) -> Float[Array, "*k"]:
     """Ln E[x²] of normal variables, of their positive half where one-sided.
 
     With z = mean/sd, E[x² | x > 0] = mean² + sd² + mean sd φ(z)/Φ(z), and 2 sd²/z² far below zero.

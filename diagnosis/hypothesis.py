@@ -312,13 +312,31 @@ def linearise(
     return Linearised(linear, J[..., k:] * numbers.sd[None, None])
 
 
-def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array, Array]:
-    """Ln B of adding each effect, its expected standardised size, and |g⊥|, from one Jacobian.
+class Scan(NamedTuple):
+    """What one Jacobian tells of all effects.
 
-    With J̃ = [J; I], r̃ = [r; −x] and g the derivative by one standardised size,
+    Attributes:
+        log_B: ln B of adding each effect.
+        size: its expected standardised size.
+        length: |g⊥|, length of its own trace in noise units per standardised size.
+        pair_log_B: ln B of adding two effects, symmetric; the diagonal means nothing.
+    """
 
-        g⊥ = g − J̃ (J̃ᵀJ̃)⁻¹ J̃ᵀ g,   size = g⊥ᵀr̃/(1 + |g⊥|²),
-        ln B = ½ (g⊥ᵀr̃)²/(1 + |g⊥|²) − ½ ln(1 + |g⊥|²) + ln E[size²]  (+ ln 2Φ(size/sd)).
+    log_B: Float[Array, " e"]
+    size: Float[Array, " e"]
+    length: Float[Array, " e"]
+    pair_log_B: Float[Array, "e e"]
+
+
+def score_scan(found: Linearised, numbers: Catalogue) -> Scan:
+    """Ln B of adding each effect, and every two effects, from one Jacobian.
+
+    With J̃ = [J; I], r̃ = [r; −x] and g the derivatives by standardised sizes,
+
+        g⊥ = g − J̃ (J̃ᵀJ̃)⁻¹ J̃ᵀ g,   Λ = I + g⊥ᵀg⊥,   size = Λ⁻¹ g⊥ᵀr̃,
+        ln B = ½ g⊥ᵀr̃ · size − ½ ln|Λ| + Σ ln E[size²]  (+ ln 2Φ(size/sd) where one-sided)
+
+    of one effect or of two, Λ⁻¹ being the covariance.
 
     Source: Lagrange-multiplier tests of structural equation models, Sörbom 1989 (Psychometrika
     54:371); here with Gaussian priors.
@@ -329,14 +347,27 @@ def score_scan(found: Linearised, numbers: Catalogue) -> tuple[Array, Array, Arr
     solved = solve_definite(precision, JG)
     # e = r + J x: with the unknowns eliminated g⊥ᵀ r̃ = gᵀe − (JG)ᵀ precision⁻¹ Jᵀe
     along = jnp.einsum("cde,cd->e", G, e) - solved.T @ Je
-    length = jnp.einsum("cde,cde->e", G, G) - jnp.sum(JG * solved, axis=0)
-    length = jnp.maximum(length, 0.0)
-    size = along / (1.0 + length)
-    log_B = 0.5 * along * size - 0.5 * jnp.log1p(length)
-    half = jnp.log(2.0) + log_ndtr(size * jnp.sqrt(1.0 + length))
-    log_B = log_B + numbers.one_sided * half
-    log_B = log_B + log_moment(size, 1.0 / (1.0 + length), numbers.one_sided)
-    return log_B, size, jnp.sqrt(length)
+    products = jnp.einsum("cde,cdf->ef", G, G) - JG.T @ solved
+    square = jnp.maximum(jnp.diagonal(products), 0.0)
+    size = along / (1.0 + square)
+    shape = _of_sizes(size, 1.0 / (1.0 + square), numbers.one_sided)
+    log_B = 0.5 * along * size - 0.5 * jnp.log1p(square) + shape
+
+    own, other = 1.0 + square[:, None], 1.0 + square[None, :]
+    # a diagonal of zero would divide by zero for an effect that leaves a long trace
+    cross = products * (1.0 - jnp.eye(square.size))
+    determinant = own * other - cross**2
+    first = (other * along[:, None] - cross * along[None, :]) / determinant
+    sided = jnp.broadcast_to(numbers.one_sided[:, None], cross.shape)
+    shape = _of_sizes(first, other / determinant, sided)
+    gain = 0.5 * along[:, None] * first + shape
+    return Scan(log_B, size, jnp.sqrt(square), gain + gain.T - 0.5 * jnp.log(determinant))
+
+
+def _of_sizes(mean: Array, variance: Array, one_sided: Array) -> Array:
+    """Ln of the factor E[size²], and of the half above zero, of sizes."""
+    half = one_sided * (jnp.log(2.0) + log_ndtr(mean / jnp.sqrt(variance)))
+    return half + log_moment(mean, variance, one_sided)
 
 
 def _form_columns(

@@ -73,10 +73,10 @@ def probabilities_of(
     forcing: Mapping[Hypothesis, np.ndarray],
     n_effects: int,
 ) -> tuple[dict[str, float], dict[Hypothesis, float]]:
-    """Posterior probabilities; hypotheses that were not fitted count as impossible.
+    """Posterior probabilities; hypotheses that are not given count as impossible.
 
     Args:
-        log_evidence: ln Z of none, singles and the pairs that were fitted.
+        log_evidence: ln Z of none, singles and pairs.
         forcing: ln Z of every kind of free forcing beside some of these.
         n_effects: number of effects in the catalogue.
 

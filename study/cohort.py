@@ -70,7 +70,7 @@ class Fate:
     Attributes:
         member: the case.
         status: exit status of its command; 0 is done.
-        seconds: that it took; 0 where it was finished before.
+        seconds: that its last command took.
         document: its result; None where there is none.
         reason: why there is none.
     """
@@ -241,10 +241,11 @@ def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> Fate | None:
         status = json.loads((member.folder / STATUS_FILE).read_text(encoding="utf-8"))
         if status["key"] != member_key(member, mode, extra) or status["status"] != 0:
             return None
+        seconds = float(status["seconds"])
         document = json.loads(_result_file(member, mode).read_text(encoding="utf-8"))
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return Fate(member, 0, 0.0, document, "")
+    return Fate(member, 0, seconds, document, "")
 
 
 def _ended(member: Member, mode: Mode, extra: Sequence[str], status: int, start: float) -> Fate:

@@ -10,7 +10,7 @@ from typing import Any
 from study.case import read_case
 from study.cohort import Member, find_members, run_cohort
 from study.cohort_figures import cohort_figures
-from study.cohort_results import cohort_document, ratio_rows
+from study.cohort_results import cohort_document, pair_rows
 from study.faults import CaseError, Fault
 from study.output import write_files
 from study.progress import Progress
@@ -65,7 +65,7 @@ def cohort_command(
 def cohort_report(document: Document) -> str:
     """The page of a cohort, its figures inside."""
     figures = safe(cohort_figures(document))
-    return rendered("cohort.html", d=document, rows=ratio_rows(document), fig=figures)
+    return rendered("cohort.html", d=document, rows=pair_rows(document), fig=figures)
 
 
 def check_members(members: list[Member]) -> None:

@@ -29,6 +29,10 @@ Document = dict[str, Any]
 
 FIXED_0D = "fixed, 0D"
 
+_LABELS = {PAPER: "linear", CURVE: "curve"}
+BOUNDARIES = (FIXED, FIXED_0D, *_LABELS.values(), CALIBRATED)
+"""In the order of tables."""
+
 ORDER = ("rest", "adenosine", "dobutamine")
 """Conditions in the order of the paper's figures; others follow."""
 
@@ -130,10 +134,9 @@ def _of_study(document: Document) -> Iterator[_Value]:
         yield row["condition"], row["rule"], CALIBRATED, row["fsi"]
         yield row["condition"], row["rule"], FIXED, row["fsi_nominal"]
         yield row["condition"], row["rule"], FIXED_0D, row["curve_0d_nominal"]
-    names = {PAPER: "linear", CURVE: "curve"}
     for entry in document["calibrations"]:
-        if entry["label"] in names:
-            yield "rest", None, names[entry["label"]], entry["rest_ratio"]
+        if entry["label"] in _LABELS:
+            yield "rest", None, _LABELS[entry["label"]], entry["rest_ratio"]
 
 
 def _of_run(document: Document) -> Iterator[_Value]:
@@ -143,7 +146,7 @@ def _of_run(document: Document) -> Iterator[_Value]:
             yield run["condition"], run["rule"], run["boundary"], ratio
 
 
-def ratio_rows(document: Document) -> list[Document]:
+def pair_rows(document: Document) -> list[Document]:
     """The pairs of a cohort's document, all predictions of a patient and condition in one row."""
     found: dict[tuple[Any, ...], Document] = {}
     for pair in document["pairs"]:
@@ -161,7 +164,7 @@ def _groups(pairs: Sequence[Pair]) -> Iterator[Document]:
 
     def place(setting: tuple[str, str | None, str]) -> tuple[Any, ...]:
         condition, rule, boundary = setting
-        return *_place((condition, rule)), boundary != FIXED, boundary
+        return *_place((condition, rule)), BOUNDARIES.index(boundary)
 
     for condition, rule, boundary in sorted(settings, key=place):
         mine = [

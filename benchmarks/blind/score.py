@@ -18,7 +18,8 @@ def wilson(hits: int, of: int) -> str:
     z, p = 1.96, hits / of
     centre = (p + z**2 / (2 * of)) / (1 + z**2 / of)
     half = z * np.sqrt(p * (1 - p) / of + z**2 / (4 * of**2)) / (1 + z**2 / of)
-    return f"{p:.3f} [{centre - half:.3f}, {centre + half:.3f}] ({hits}/{of})"
+    low, high = max(centre - half, 0.0), min(centre + half, 1.0)
+    return f"{p:.3f} [{low:.3f}, {high:.3f}] ({hits}/{of})"
 
 
 def load(folder: pathlib.Path, level: str) -> list[Row]:

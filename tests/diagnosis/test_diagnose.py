@@ -97,17 +97,19 @@ def test_score_scan_agrees_with_the_exact_linear_evidence(found):
     numbers = numbers_of(CATALOGUE)
     zero = jnp.zeros(len(CATALOGUE))
     line = linearise(diagnosis.record, CATALOGUE, numbers, jnp.asarray(diagnosis.base.x), zero)
-    scan = score_scan(line, numbers)[0]
+    scan = score_scan(line, numbers)
     (e, J), G = line.linear, line.effects
     alone = posterior(Whitened(e, J)).log_evidence
-    for k in (4, 15, 18):
-        sided = jnp.zeros(J.shape[-1] + 1).at[-1].set(numbers.one_sided[k])
-        joined = Whitened(e, jnp.concatenate([J, G[..., k : k + 1]], axis=-1))
+    for added in ([4], [15], [18], [4, 15], [15, 18], [18, 4]):
+        n = len(added)
+        sided = jnp.zeros(J.shape[-1] + n).at[-n:].set(numbers.one_sided[jnp.array(added)])
+        joined = Whitened(e, jnp.concatenate([J, G[..., added]], axis=-1))
         after = posterior(joined, None, sided)
-        moment = log_moment(after.mean[-1:], after.covariance[-1:, -1], sided[-1:])[0]
-        exact = after.log_evidence - alone + moment
+        moments = log_moment(after.mean[-n:], jnp.diagonal(after.covariance)[-n:], sided[-n:])
+        exact = after.log_evidence - alone + jnp.sum(moments)
+        given = scan.log_B[added[0]] if n == 1 else scan.pair_log_B[added[0], added[1]]
         # the same linear-Gaussian integral done in two ways
-        assert float(scan[k]) == pytest.approx(float(exact), rel=1e-6, abs=1e-6)
+        assert float(given) == pytest.approx(float(exact), rel=1e-6, abs=1e-6)
 
 
 @pytest.mark.parametrize("mean", [-12.0, -3.0, -0.2, 0.0, 2.5])

@@ -23,7 +23,7 @@ from jaxfsi.core.equations import Unknowns, begin_step, extrapolated, residual
 from jaxfsi.core.march import march
 from jaxfsi.core.mesh_motion import mesh_displacement
 from jaxfsi.core.model import Model, WallElement
-from jaxfsi.core.newton import single, tangent
+from jaxfsi.core.newton import linearised, single
 from jaxfsi.core.preconditioner import precondition
 from jaxfsi.core.state import State, initial_state
 from jaxfsi.core.stepper import Stepper, prepare
@@ -132,7 +132,7 @@ def _profile(
     n, systems = whole["iterations"], whole["systems"]
 
     def product(y: Unknowns, model: Model, step: Any, flat: Any) -> Any:
-        return tangent(y, model, step, stepper)(flat)
+        return linearised(y, model, step, stepper)[0](flat)
 
     parts: dict[str, tuple[float, Callable[..., Any], tuple[Any, ...]]] = {
         "mesh motion": (1.0, mesh_displacement, (stepper.motion, state.d)),

@@ -16,6 +16,7 @@ solved by corrections in single precision with the residual in double precision 
 refinement, Higham 2002, chapter 12).
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -27,8 +28,8 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxfsi.core.equations import Step, Unknowns, renewed, residual
 from jaxfsi.core.krylov import fgmres, length
 from jaxfsi.core.model import Model
-from jaxfsi.core.operator import apply_elements, step_tangent
-from jaxfsi.core.preconditioner import Preconditioner, precondition, precondition_transposed
+from jaxfsi.core.operator import apply_elements, blood_diagonal, step_tangent
+from jaxfsi.core.preconditioner import precondition, precondition_transposed, with_blood
 from jaxfsi.core.stepper import Stepper
 
 LEAST_REDUCTION = 1e-4
@@ -70,33 +71,38 @@ class Convergence(NamedTuple):
 
 
 class _Scaling(NamedTuple):
-    """Weights and preconditioner of flat vectors in single precision.
+    """Weights of flat vectors, and what is solved with them in single precision.
 
     Attributes:
         weight: of the residuals, in double precision.
         held: rows that say what an unknown is held at.
-        preconditioner: of the linear systems.
     """
 
     weight: Flat
     held: Bool[Array, " unknowns"]
-    preconditioner: Preconditioner
 
     def norm(self, r: Flat) -> Float[Array, ""]:
         """Weighted norm of a residual."""
         return length(self.weight * r)
 
-    def correction(self, product, r: Flat, tolerance, max_iterations: int, *, transposed=False):
-        """Solve product(x) = r in single precision to a relative tolerance."""
+    def correction(self, product, inverse, r: Flat, tolerance, max_iterations: int):
+        """Solve product(x) = r in single precision to a relative tolerance.
+
+        Args:
+            product: with the operator.
+            inverse: approximate inverse of it, for velocity and pressure.
+            r: right-hand side.
+            tolerance: relative.
+            max_iterations: of GMRES.
+        """
         weight = self.weight.astype(jnp.float32)
-        inverse = precondition_transposed if transposed else precondition
-        n_u = self.preconditioner.velocity_scale.size
+        n_u = 3 * (weight.size // 4)
         scale = self.norm(r)
         scale = jnp.where(scale > 0.0, scale, 1.0)
 
         def approximate(v: Flat) -> Flat:
             v = v / weight
-            z = inverse(self.preconditioner, v[:n_u].reshape(3, -1), v[n_u:])
+            z = inverse(v[:n_u].reshape(3, -1), v[n_u:])
             return jnp.where(self.held, v, ravel_pytree(z)[0])
 
         b = weight * (r / scale).astype(jnp.float32)
@@ -119,11 +125,11 @@ def _scaling(model: Model, stepper: Stepper) -> _Scaling:
     M = stepper.preconditioner
     weight = jnp.concatenate([M.velocity_scale.reshape(-1), M.pressure_scale])
     held = jnp.concatenate([jnp.tile(model.held, 3), ~model.in_fluid])
-    return _Scaling(weight, held, M)
+    return _Scaling(weight, held)
 
 
-def tangent(y: Unknowns, model: Model, step: Step, stepper: Stepper):
-    """Product with the Jacobian about y, for flat vectors in single precision."""
+def linearised(y: Unknowns, model: Model, step: Step, stepper: Stepper):
+    """Product with the Jacobian about y in single precision, and a preconditioner for it."""
     y, model, step = single((y, model, step))
     about = step_tangent(y, model, step, stepper.method)
     _, unravel = ravel_pytree(y)
@@ -131,7 +137,8 @@ def tangent(y: Unknowns, model: Model, step: Step, stepper: Stepper):
     def product(flat: Flat) -> Flat:
         return ravel_pytree(apply_elements(about, unravel(flat), model, step, stepper.method))[0]
 
-    return product
+    diagonal = blood_diagonal(about, model, step)
+    return product, with_blood(stepper.preconditioner, diagonal)
 
 
 class _Iterate(NamedTuple):
@@ -182,8 +189,9 @@ def solve_step(
 
         def correct():
             goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
-            product = tangent(y, model, here, stepper)
-            dy, n = scaling.correction(product, r, goal, stepper.max_linear)
+            product, M = linearised(y, model, here, stepper)
+            inverse = partial(precondition, M)
+            dy, n = scaling.correction(product, inverse, r, goal, stepper.max_linear)
             return s.y - dy, n
 
         def stay():
@@ -224,7 +232,7 @@ def _(primals, tangents):
     change = jax.tree.map(lambda r, dr: jnp.zeros_like(r) if dr is None else dr, r, change)
     b, unravel = ravel_pytree(change)
     scaling = _scaling(model, stepper)
-    forward = tangent(y, model, renewed(y, model, step, stepper.method), stepper)
+    forward, M = linearised(y, model, renewed(y, model, step, stepper.method), stepper)
     backward = jax.linear_transpose(forward, b.astype(jnp.float32))
 
     def matvec(flat: Flat) -> Flat:
@@ -248,20 +256,18 @@ def _(primals, tangents):
         solved = scaling.norm(r) <= 10.0 * DERIVATIVE_TOLERANCE * scaling.norm(b)
         return jnp.where(solved, x, jnp.nan)
 
-    def correction(product, *, transposed: bool):
+    def correction(product, inverse):
         def correct(r: Flat, goal: Float[Array, ""]) -> Flat:
-            return scaling.correction(product, r, goal, stepper.max_linear, transposed=transposed)[
-                0
-            ]
+            return scaling.correction(product, inverse, r, goal, stepper.max_linear)[0]
 
         return correct
 
     def solve(matvec, b: Flat) -> Flat:
-        return refined(matvec, correction(forward, transposed=False), b)
+        return refined(matvec, correction(forward, partial(precondition, M)), b)
 
     def transposed_solve(vecmat, b: Flat) -> Flat:
         product = lambda v: backward(v)[0]  # noqa: E731
-        return refined(vecmat, correction(product, transposed=True), b)
+        return refined(vecmat, correction(product, partial(precondition_transposed, M)), b)
 
     dy = jax.lax.custom_linear_solve(matvec, b, solve, transposed_solve)
     return y, jax.tree.map(jnp.negative, unravel(dy))

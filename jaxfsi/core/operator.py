@@ -198,6 +198,20 @@ def apply_elements(
     return _closed(tangent, v, jnp.stack(rows), r_p, model, step, method)
 
 
+def blood_diagonal(
+    tangent: StepTangent, model: Model, step: Step
+) -> tuple[Float[Array, " nodes"], ...]:
+    """Diagonal of the blood's share of momentum, of each component; zero in the wall.
+
+    What carries is left out: its gradient has either sign.
+    """
+    blood, grad = tangent.blood, step.fluid_shape.grad
+    stress = blood.shear + blood.spread
+    own = [tuple(blood.A[5 * a] + stress * grad[i, a] ** 2 for a in range(4)) for i in range(3)]
+    own = kept_apart(own, step.fluid_shape)
+    return tuple(scatter(corner, model.fluid_tets, model.n_nodes) for corner in own)
+
+
 def _carried(blood: BloodTangent, v: Sequence[Corners]) -> list[Float[Array, " tets"]]:
     """ρ (v·∇)u with the mean of a change v on each element [dyn/cm³]."""
     mean = [total(component) / 4.0 for component in v]

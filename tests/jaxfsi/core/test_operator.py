@@ -16,11 +16,17 @@ from jaxfsi.core.operator import (
     apply_elements,
     apply_step,
     assemble_step,
+    blood_diagonal,
     fluid_pattern,
     step_tangent,
 )
 from jaxfsi.core.ports import BlockPort, FlowPort, PressurePort
-from jaxfsi.core.preconditioner import precondition, precondition_transposed, preconditioner
+from jaxfsi.core.preconditioner import (
+    precondition,
+    precondition_transposed,
+    preconditioner,
+    with_blood,
+)
 from jaxfsi.core.solid import Wall
 from jaxfsi.core.state import initial_state
 from jaxfsi.core.viscosity import CarreauYasuda, Newtonian
@@ -174,6 +180,30 @@ def _part(kind: str):
         wall = Wall(material)
         return build_model(ring(n_layers=1, **sizes), {}, wall=wall, wall_element="linear")
     return build_model(tube(n_layers=0, **sizes), {"inlet": INLETS["pressure"], "outlet": BLOCK})
+
+
+def test_diagonal_in_the_blood_is_that_of_the_tangent():
+    """Against products with unit velocities, with nothing carried; the wall keeps its own."""
+    model = _model(INLETS["pressure"], NeoHookean(3e6, 0.45))
+    state = _random_state(model, d_wall=1e-4)
+    step = begin_step(jnp.asarray(DT), model, state, METHOD, mesh_motion(model))
+    tangent = _nothing_carried(step_tangent(Unknowns(state.u, state.p), model, step, METHOD))
+    known = preconditioner(DT, model, METHOD, dtype=np.float64)
+    inverse = with_blood(known, blood_diagonal(tangent, model, step)).inverse_diagonal
+    free = np.flatnonzero(np.asarray(~model.in_solid & ~model.held))
+    at_ports = np.unique(np.concatenate([np.asarray(faces) for faces in model.port_faces], axis=1))
+    inside = np.setdiff1d(free, at_ports)  # the blocks behind the ports have their own share
+
+    @jax.jit
+    def entry(i, node):
+        v = Unknowns(jnp.zeros_like(state.u).at[i, node].set(1.0), jnp.zeros_like(state.p))
+        return apply_elements(tangent, v, model, step, METHOD).u[i, node]
+
+    for node in inside[::5]:
+        for i in range(3):
+            assert float(inverse[i, node]) == pytest.approx(1.0 / float(entry(i, node)), rel=1e-11)
+    others = np.setdiff1d(np.arange(model.n_nodes), free)
+    assert jnp.array_equal(inverse[:, others], known.inverse_diagonal[:, others])
 
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "rigid", "dry"])

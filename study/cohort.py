@@ -207,7 +207,7 @@ def _interrupt(processes: Sequence[subprocess.Popen[bytes]]) -> None:
     """End processes in order, after some time at once.
 
     Asked more than once: Python drops an interrupt that reaches it in a callback, as one in
-    five did during a child's imports.
+    four did during a child's imports.
     """
     for _ in range(_INTERRUPTS):
         alive = [process for process in processes if process.poll() is None]

@@ -354,7 +354,6 @@ def score_scan(found: Linearised, numbers: Catalogue) -> Scan:
     log_B = 0.5 * along * size - 0.5 * jnp.log1p(square) + shape
 
     own, other = 1.0 + square[:, None], 1.0 + square[None, :]
-    # a diagonal of zero would divide by zero for an effect that leaves a long trace
     cross = products * (1.0 - jnp.eye(square.size))
     determinant = own * other - cross**2
     first = (other * along[:, None] - cross * along[None, :]) / determinant

@@ -14,7 +14,7 @@ by node.
 Everything is assembled once at the reference shape with the blood at rest, but for the diagonal in
 the blood, which each linear system renews (`with_blood`): where flow crosses ten elements in a step
 its stabilisation is forty times inertia, and a patient's systole takes 37 iterations with the
-diagonal at rest, 21 with its own. S and the wall's factor at that flow would gain nothing more.
+diagonal at rest, 19 with its own. S and the wall's factor at that flow would gain nothing more.
 Measured on the elastic tube of 10 000 elements (Δt 1e-4 s, E 3e6 dyn/cm²): 7 iterations to 1e-3, as
 many as with the exact Schur complement; 5 with an exact blood block.
 """

@@ -7,7 +7,7 @@ import numpy as np
 from diagnosis import CATALOGUE, Record, RecordedCondition, measured
 from diagnosis.circuit import SAMPLES
 from diagnosis.measured import correlation
-from diagnosis.prediction import Situation, as_waves, predict, selection, situations
+from diagnosis.prediction import Situation, as_waves, n_unknowns, predict, selection, situations
 
 STEP = 2
 SETTINGS = (
@@ -47,7 +47,7 @@ def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: flo
     rng = np.random.default_rng(seed)
     plain = settings()
     blank = measured(plain)
-    x = 0.5 * rng.standard_normal(5 + 2 * 4)
+    x = 0.5 * rng.standard_normal(n_unknowns(blank))
     own = jnp.asarray(selection(4, 0) @ x)
     values = jnp.asarray(np.array([sizes.get(name, 0.0) for name in NAMES]))
     waves = np.asarray(_waves(situations(blank), own, values))[..., ::STEP]

@@ -19,7 +19,7 @@ from lumped import (
 from tests.diagnosis.records import settings
 
 ADENOSINE = 1
-OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.5, -0.4]))
+OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.6, 0.5, -0.4]))
 
 
 def case():
@@ -36,7 +36,9 @@ def surrogate(K: float | None = None):
     circuit = base_circuit(case(), OWN)
     nominal = nominal_coronary()
     bed = nominal_coronary(
-        C_a=nominal.C_a * jnp.exp(0.4 * OWN[2]), C_im=nominal.C_im * jnp.exp(0.4 * OWN[3])
+        C_a=nominal.C_a * jnp.exp(0.4 * OWN[2]),
+        C_im=nominal.C_im * jnp.exp(0.4 * OWN[3]),
+        im_factor=1.0 + 0.07 * OWN[5],
     )
     model = Surrogate(
         R0=circuit.R0 * MMHG,

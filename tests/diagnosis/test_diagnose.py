@@ -9,7 +9,6 @@ from diagnosis.forcing import ALIKE, AMPLITUDES_MMHG, HARMONICS, LENGTHS, forcin
 from diagnosis.hypothesis import form_uncertainty, linearise, numbers_of, score_scan
 from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.shrink import fitted_gap, held_out_gap
-from diagnosis.verdict import BESIDE, PRIOR, is_closed, judge, probabilities_of
 from diagnosis.where import forcing_shares, joint_map, place_probabilities, rest_map
 from tests.diagnosis.records import NAMES, synthetic
 
@@ -184,28 +183,6 @@ def test_pooled_patients_say_more_than_one(found):
     assert pooled.named == ("vasodilation",)
     with pytest.raises(ValueError, match="at least one diagnosis"):
         pool([])
-
-
-def test_probabilities_follow_bayes_rule():
-    log_Z = {(): 0.0, ("a",): 3.0, ("b",): 0.0}
-    forcing = {(): np.zeros((1, 1, 1)), ("a",): np.full((2, 3), 5.0)}
-    p, beside = probabilities_of(log_Z, forcing, 2)
-    each, alone = 0.5 * PRIOR["single"], 1.0 - BESIDE
-    a, b = each * alone * np.exp(3.0), each * alone
-    with_a = each * BESIDE * np.exp(5.0)
-    weights = {"none": PRIOR["none"], "a": a, "b": b, "unknown": PRIOR["unknown"] + with_a}
-    for name, weight in weights.items():
-        assert p[name] == pytest.approx(weight / sum(weights.values()), rel=1e-12)
-    assert beside[("a",)] == pytest.approx(with_a / sum(weights.values()), rel=1e-12)
-    # an effect that acts beside something unknown acts
-    judgement = judge(p, ("a", "b"), {(): 50.0, ("a",): 9.0, ("b",): 50.0}, 20, 5, beside)
-    assert judgement.inclusion["a"] == pytest.approx(p["a"] + beside[("a",)], rel=1e-12)
-
-
-def test_closure_needs_a_good_fit_or_little_excess():
-    assert is_closed(100.0, 500.0, 110, 10)
-    assert not is_closed(250.0, 500.0, 110, 10)
-    assert is_closed(135.0, 500.0, 110, 10)
 
 
 def test_noise_is_estimated_from_the_scatter_of_beats():

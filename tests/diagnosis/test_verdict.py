@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+
+from diagnosis.verdict import BESIDE, PRIOR, is_closed, judge, probabilities_of
+
+
+def test_probabilities_follow_bayes_rule():
+    log_Z = {(): 0.0, ("a",): 3.0, ("b",): 0.0}
+    forcing = {(): np.zeros((1, 1, 1)), ("a",): np.full((2, 3), 5.0)}
+    p, beside = probabilities_of(log_Z, forcing, 2)
+    each, alone = 0.5 * PRIOR["single"], 1.0 - BESIDE
+    a, b = each * alone * np.exp(3.0), each * alone
+    with_a = each * BESIDE * np.exp(5.0)
+    weights = {"none": PRIOR["none"], "a": a, "b": b, "unknown": PRIOR["unknown"] + with_a}
+    for name, weight in weights.items():
+        assert p[name] == pytest.approx(weight / sum(weights.values()), rel=1e-12)
+    assert beside[("a",)] == pytest.approx(with_a / sum(weights.values()), rel=1e-12)
+    # an effect that acts beside something unknown acts
+    judgement = judge(p, ("a", "b"), {(): 50.0, ("a",): 9.0, ("b",): 50.0}, 20, 5, beside)
+    assert judgement.inclusion["a"] == pytest.approx(p["a"] + beside[("a",)], rel=1e-12)
+
+
+def test_closure_needs_a_good_fit_or_little_excess():
+    assert is_closed(100.0, 500.0, 110, 10)
+    assert not is_closed(250.0, 500.0, 110, 10)
+    assert is_closed(135.0, 500.0, 110, 10)
+
+
+@pytest.mark.parametrize(
+    ("none", "a", "unknown", "verdict"),
+    [
+        (0.12, 0.08, 0.80, "unknown"),
+        (0.12, 0.86, 0.02, "named"),
+        (0.12, 0.70, 0.10, "no_gap"),
+        (0.01, 0.70, 0.10, "ambiguous"),
+    ],
+)
+def test_a_verdict_says_what_has_the_probability(none, a, unknown, verdict):
+    p = {"none": none, "a": a, "b": 1.0 - none - a - unknown, "unknown": unknown}
+    judgement = judge(p, ("a", "b"), {(): 12.0, ("a",): 9.0, ("b",): 10.0}, 20, 5)
+    assert judgement.verdict == verdict

@@ -25,6 +25,7 @@ from diagnosis.circuit import (
     Circuit,
     autoregulated,
     harmonics,
+    past_muscle,
     samples,
     sensed,
 )
@@ -72,6 +73,7 @@ def boundary_of(circuit: Circuit) -> Boundary:
         C_im=circuit.C_im / MMHG,
         P_venous=circuit.P_venous * MMHG,
         G_collateral=circuit.G_collateral / R,
+        G_past=past_muscle(circuit) / R,
         elastic_share=ELASTIC_SHARE if viscous else 1.0,
         wall_time=circuit.wall_time if viscous else None,
     )

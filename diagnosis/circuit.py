@@ -3,12 +3,14 @@
     P_inlet ─ P_ostium ─ [R0, L, K, R0_wave] ─┬─ R_1 ─┬─ P_micro ─ R_2 ─┬─ R_3 ─ P_venous
                                              C0      C_a (τ_wall)     C_im
                                              ⏚        ⏚              P_LV
-    G_collateral joins the inlet to the node behind R_1.
+    G_collateral joins the inlet to the node behind R_1, and past/(R_2 + R_3) joins that node to
+    P_venous past the muscle.
 
 With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
 
     P_3 = ((P_2 − P_micro)/R_2 + iωC_im P_LV + P_venous/R_3)/(1/R_2 + iωC_im + 1/R_3)
     0   = (P_1 − P_2)/R_1 + G (P_inlet − P_2) − Y_a P_2 − (P_2 − P_micro − P_3)/R_2 + Q_wall
+          − past/(R_2 + R_3) (P_2 − P_venous)
     Q   = iωC0 P_1 + (P_1 − P_2)/R_1,            Y_a = iωC_a (e + (1 − e)/(1 + iωτ_wall))
     P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + (K + K_known R0_wave) Q|Q|
 
@@ -82,6 +84,7 @@ class Circuit(NamedTuple):
         wall_time: relaxation time of the part of C_a that yields late [s].
         P_venous: pressure behind R_3 [mmHg].
         G_collateral: conductance from the aorta to the node behind R_1 [mL/(s·mmHg)].
+        past: conductance from there past the muscle, over 1/(R_2 + R_3) [-].
         autoregulation: gain of ln R_2 by the mean pressure behind R_1 [-].
         aortic_offset, distal_offset: added by the sensors [mmHg].
         distal_gain: factor of the distal sensor [-].
@@ -111,6 +114,7 @@ class Circuit(NamedTuple):
     wall_time: Number
     P_venous: Number
     G_collateral: Number
+    past: Number
     autoregulation: Number
     aortic_offset: Number
     distal_offset: Number
@@ -198,6 +202,7 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     g_1, g_3 = _complex(1.0 / circuit.R_1), _complex(1.0 / circuit.R_3)
     g_2 = _complex(1.0 / (circuit.R_2 * autoregulated(circuit)))
     g_across, R0 = _complex(circuit.G_collateral), _complex(circuit.R0)
+    g_past = _complex(past_muscle(circuit))
     inlet, ventricle, wall = inlet + root, ventricle + pump, wall * g_1
     first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
     venous = _complex(circuit.P_venous * first)
@@ -207,8 +212,8 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     y_a = iw * _complex(circuit.C_a) * (ELASTIC_SHARE + yielding)
     z_3 = _inverse(g_2 + y_im + g_3)
     source_3 = (y_im * ventricle + g_3 * venous - g_2 * micro) * z_3
-    z_2 = _inverse(g_1 + g_across + y_a + g_2 * (1.0 - g_2 * z_3))
-    source_2 = (g_across * inlet + wall + g_2 * (micro + source_3)) * z_2
+    z_2 = _inverse(g_1 + g_across + g_past + y_a + g_2 * (1.0 - g_2 * z_3))
+    source_2 = (g_across * inlet + g_past * venous + wall + g_2 * (micro + source_3)) * z_2
     Z = _inverse(iw * _complex(circuit.C0) + g_1 * (1.0 - g_1 * z_2))
     source_1 = g_1 * source_2 * Z
 
@@ -242,6 +247,11 @@ def sensed(circuit: Circuit, true: Beat) -> Beat:
     )
 
 
+def past_muscle(circuit: Circuit) -> Number:
+    """Conductance from the node behind R_1 to P_venous past the muscle [mL/(s·mmHg)]."""
+    return circuit.past / (circuit.R_2 + circuit.R_3)
+
+
 def autoregulated(circuit: Circuit) -> Number:
     """Factor on R_2, exp(gain (mean P_2 − 70)/70) with mean P_2 of the direct-current network [-].
 
@@ -252,7 +262,7 @@ def autoregulated(circuit: Circuit) -> Number:
     above = inlet / R_in + circuit.G_collateral * inlet
 
     def sweep(_: Any, log_factor: Number) -> Number:
-        g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3)
+        g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3) + past_muscle(circuit)
         mean = above + g_bed * circuit.P_venous
         mean = mean / (1.0 / R_in + circuit.G_collateral + g_bed)
         return circuit.autoregulation * (mean - P_REGULATED) / P_REGULATED

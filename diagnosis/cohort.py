@@ -51,10 +51,10 @@ def pool(diagnoses: Sequence[Diagnosis]) -> Pooled:
     probabilities = {n: float(np.exp(v - total)) for n, v in logs.items()}
     ranked = sorted(probabilities, key=lambda n: -probabilities[n])
     mass = np.cumsum([probabilities[n] for n in ranked])
-    if ranked[0] != "none" and probabilities[ranked[0]] >= NAMED:
-        verdict, named = "named", (ranked[0],)
-    elif probabilities["none"] >= NO_GAP:
+    if probabilities["none"] >= NO_GAP:
         verdict, named = "no_gap", ()
+    elif probabilities[ranked[0]] >= NAMED:
+        verdict, named = "named", (ranked[0],)
     else:
         verdict, named = "ambiguous", tuple(ranked[: int(np.searchsorted(mass, 0.9)) + 1])
     return Pooled(verdict, named, probabilities, log_B, len(diagnoses))

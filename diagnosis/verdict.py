@@ -5,11 +5,11 @@ shared evenly over all kinds of a free forcing. With every effect or pair someth
 the catalogue may act as well: that is `BESIDE` of its prior, and counts as "unknown". The inclusion
 probability of an effect is that of it alone, of its pairs, and of it beside something unknown.
 
-| verdict | the first that holds |
+| verdict | when |
 |---|---|
-| unknown | P(unknown) ≥ 0.5, or an effect would be named but does not close the gap |
-| named | every effect of the best hypothesis has inclusion ≥ 0.8, and what is left is closed |
 | no_gap | P(none) ≥ 0.05: no gap can be demonstrated |
+| named | every effect of the best hypothesis has inclusion ≥ 0.8, and what is left is closed |
+| unknown | P(unknown) ≥ 0.5, or an effect would be named but does not close the gap |
 | ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
 
 Closed: the remaining misfit has p > 0.001, or less than 10 % of the base model's excess is left.
@@ -143,12 +143,12 @@ def judge(
     closed = is_closed(misfit[best], misfit[()], n_data, n_unknowns + len(best))
     sure = tuple(e for e in effects if inclusion[e] >= NAMED)
     nearest = max(effects, key=lambda e: inclusion[e])
-    if probabilities["unknown"] >= UNKNOWN:
+    if probabilities["none"] >= NO_GAP:
+        verdict, named = "no_gap", ()
+    elif probabilities["unknown"] >= UNKNOWN:
         verdict, named = "unknown", (nearest,)
     elif sure:
         verdict, named = ("named", sure) if closed else ("unknown", sure)
-    elif probabilities["none"] >= NO_GAP:
-        verdict, named = "no_gap", ()
     else:
         verdict, named = "ambiguous", cover
     return Judgement(verdict, named, probabilities, inclusion, cover, best, closed)

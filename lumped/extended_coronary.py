@@ -1,4 +1,4 @@
-"""The coronary bed with what its five elements leave out: collaterals, and a viscous wall."""
+"""The coronary bed with what its five elements leave out: other ways, and a viscous wall."""
 
 from typing import ClassVar
 
@@ -13,23 +13,24 @@ Port = Float[Array, " 1"]
 
 
 class ExtendedCoronary(AbstractElement):
-    """A five-element coronary bed with collateral flow and, where asked for, a viscous wall.
+    """A five-element coronary bed with flow from and to elsewhere and, if wanted, a viscous wall.
 
     Circuit: port ── R_1 ──┬── R_2 ──┬── R_3 ── P_venous
                            │        C_im
              P_source ─ G ─┤         ⏚  P_im(t)
+           P_venous ─ G_p ─┤
                           C_a (wall_time)
                            ⏚
 
     Equations (y = P̃ − P_im; w: volume of C_a over C_a; P_b: what its late part has yielded to):
 
-        C_a  dw/dt = Q + G (P_source − P_a) − (P_a − P̃)/R_2
+        C_a  dw/dt = Q + G (P_source − P_a) − G_p (P_a − P_venous) − (P_a − P̃)/R_2
         C_im dy/dt = (P_a − P̃)/R_2 − (P̃ − P_venous)/R_3
         wall_time dP_b/dt = P_a − P_b,    w = e P_a + (1 − e) P_b
         P = P_a + R_1 Q
 
     In harmonics the wall is iωC_a (e + (1 − e)/(1 + iω wall_time)), a standard linear solid.
-    Without `wall_time` P_a = w, and with G = 0 as well this is `Coronary`.
+    Without `wall_time` P_a = w, and with G = G_p = 0 as well this is `Coronary`.
 
     Internal states: w, y [dyn/cm²], and P_b [dyn/cm²] where `wall_time` is given.
 
@@ -44,6 +45,8 @@ class ExtendedCoronary(AbstractElement):
         P_source: pressure where collaterals begin [dyn/cm²] as a function of time.
         P_venous: pressure behind R_3 [dyn/cm²].
         G_collateral: conductance of the collaterals [cm⁵/(dyn·s)].
+        G_past: conductance G_p of vessels that no muscle squeezes [cm⁵/(dyn·s)]; below zero it
+            takes back what R_2 and R_3 let through.
         elastic_share: share e of C_a that yields at once [-].
         wall_time: relaxation time of the rest [s], or None.
     """
@@ -58,6 +61,7 @@ class ExtendedCoronary(AbstractElement):
     C_im: Parameter = parameter()
     P_venous: Parameter = parameter(default=0.0)
     G_collateral: Parameter = parameter(default=0.0)
+    G_past: Parameter = parameter(default=0.0)
     elastic_share: Parameter = parameter(default=1.0)
     wall_time: Parameter | None = optional_parameter()
 
@@ -66,7 +70,7 @@ class ExtendedCoronary(AbstractElement):
             self,
             above=("R_2", "R_3", "C_a", "C_im", "elastic_share", "wall_time"),
             least=("R_1", "G_collateral"),
-            finite=("P_venous",),
+            finite=("P_venous", "G_past"),
         )
 
     @property
@@ -95,6 +99,7 @@ class ExtendedCoronary(AbstractElement):
         P_a, P_tilde = self._arterial(x), x[1] + self.P_im(t)
         through = (P_a - P_tilde) / self.R_2
         arriving = Q[0] + self.G_collateral * (self.P_source(t) - P_a)
+        arriving = arriving - self.G_past * (P_a - self.P_venous)
         late = [] if self.wall_time is None else [P_a - x[2]]
         leaving = (P_tilde - self.P_venous) / self.R_3
         return jnp.stack([arriving - through, through - leaving, *late])

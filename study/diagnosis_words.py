@@ -3,7 +3,6 @@
 from diagnosis import Diagnosis, find_effect
 from diagnosis.next_measurement import next_measurements
 from diagnosis.shrink import held_out_gap
-from diagnosis.verdict import NO_GAP
 from diagnosis.where import forcing_shares
 
 LISTED, MOST_LISTED = 0.05, 5
@@ -56,9 +55,8 @@ def _partly(diagnosis: Diagnosis) -> str:
         parts = "; and ".join(find_effect(diagnosis.effects, name).sentence for name in beside)
         return f"The gap is explained in part: {parts}. What is left is not in the catalogue."
     near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
-    sure = diagnosis.judgement.probabilities["none"] < NO_GAP
     return (
-        f"There is {'' if sure else 'probably '}a gap, and no effect of the catalogue explains it. "
+        "There is a gap, and no effect of the catalogue explains it. "
         f"The nearest is {near}, which leaves a gap."
     )
 

@@ -29,13 +29,14 @@ def test_closure_needs_a_good_fit_or_little_excess():
 @pytest.mark.parametrize(
     ("none", "a", "unknown", "verdict"),
     [
-        (0.12, 0.08, 0.80, "unknown"),
-        (0.12, 0.86, 0.02, "named"),
-        (0.12, 0.70, 0.10, "no_gap"),
+        (0.12, 0.08, 0.80, "no_gap"),
+        (0.12, 0.86, 0.02, "no_gap"),
+        (0.01, 0.08, 0.90, "unknown"),
+        (0.01, 0.95, 0.02, "named"),
         (0.01, 0.70, 0.10, "ambiguous"),
     ],
 )
-def test_a_verdict_says_what_has_the_probability(none, a, unknown, verdict):
+def test_a_gap_must_be_demonstrated_before_it_is_explained(none, a, unknown, verdict):
     p = {"none": none, "a": a, "b": 1.0 - none - a - unknown, "unknown": unknown}
     judgement = judge(p, ("a", "b"), {(): 12.0, ("a",): 9.0, ("b",): 10.0}, 20, 5)
     assert judgement.verdict == verdict

@@ -10,9 +10,9 @@ Its unknowns have normal priors of zero mean and unit variance in the variables 
 The ventricle's peak is the condition's P_systolic, and what of it the muscle's vessels feel nobody
 measures; nor how much of the flow goes where no muscle squeezes (less than none: where the one
 compartment has too little of it). Beds of several layers and branches look like that. Without x_5
-six of ten such records gave a false alarm, with it two of 24; x_6 settles those and four of six
-wrong names. A condition depends on eleven numbers only (the seven shared ones, its two pressures,
-two sizes of effects): derivatives are taken by those.
+six of ten such records gave a false alarm, with it none of 24; x_6 settles three of the five wrong
+names of 120 that were left. A condition depends on eleven numbers only (the seven shared ones, its
+two pressures, two sizes of effects): derivatives are taken by those.
 """
 
 from collections.abc import Sequence

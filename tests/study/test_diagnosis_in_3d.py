@@ -19,7 +19,7 @@ from diagnosis.diagnose import take
 from diagnosis.effects import apply_effects
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import numbers_of
-from diagnosis.prediction import base_circuit, situations
+from diagnosis.prediction import OWN, base_circuit, situations
 from lumped import MMHG
 from study import read_case
 from study.algorithm import open_bench
@@ -59,7 +59,7 @@ def drive_of(study, size: float) -> Drive:
     record = synthetic({})
     blank = measured(record)
     case = jax.tree.map(lambda leaf: leaf[0], situations(blank))
-    circuit = base_circuit(case, jnp.zeros(7))
+    circuit = base_circuit(case, jnp.zeros(OWN))
     boundary = boundary_of(apply_effects(circuit, [PUMP], jnp.array([size])))
     entry = entry_of(study.bench.case, record.conditions[0])
     return Drive(entry, boundary.bed, boundary.P_ostium, np.zeros(PHASES.size))

@@ -260,9 +260,10 @@ def autoregulated(circuit: Circuit) -> Number:
     inlet = jnp.mean(circuit.P_inlet)
     R_in = circuit.R0 + circuit.R_1
     above = inlet / R_in + circuit.G_collateral * inlet
+    g_past = past_muscle(circuit)
 
     def sweep(_: Any, log_factor: Number) -> Number:
-        g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3) + past_muscle(circuit)
+        g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3) + g_past
         mean = above + g_bed * circuit.P_venous
         mean = mean / (1.0 / R_in + circuit.G_collateral + g_bed)
         return circuit.autoregulation * (mean - P_REGULATED) / P_REGULATED

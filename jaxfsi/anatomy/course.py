@@ -235,8 +235,8 @@ def normal_course(p: SyntheticAnatomy, aorta: Tube) -> Course:
     controls = np.stack(
         [start, start + outward[0] * length * 0.45, finish - final * length * 0.35, finish]
     )
-    stub = start - outward[0] * inside * np.linspace(1.0, 0.0, 8)[:-1, None]
-    curve = curve_through(np.concatenate([stub, bezier_points(controls, 31)]), _SPACING)
+    stem = start - outward[0] * inside * np.linspace(1.0, 0.0, 8)[:-1, None]
+    curve = curve_through(np.concatenate([stem, bezier_points(controls, 31)]), _SPACING)
     s_outlet = float(curve.s[-1]) - inside
     longer = extended(curve, 0.0, p.normal_radius + p.thickness_minimum)
     axis = dataclasses.replace(longer, s=longer.s - inside)

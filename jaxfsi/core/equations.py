@@ -170,7 +170,7 @@ def _coefficients(
     u, a, _, p = _between(y, dt, state, method)
     u_mesh = (d_mesh - state.d_mesh) / dt
     found = frozen(dt, u, a, p, u_mesh, model.blood, model.fluid_tets, shape)
-    return kept_in_derivatives(found, shape)
+    return kept_apart(found, shape)
 
 
 def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> Unknowns:

@@ -30,6 +30,7 @@ from jaxfsi.core.elements import (
     added,
     corners,
     gradient,
+    kept_apart,
     kept_in_derivatives,
     scatter,
     total,
@@ -170,7 +171,7 @@ def fluid_residual(
     sum_a = [total(component) for component in acceleration]
     divergence = slope[0][0] + slope[1][1] + slope[2][2]
     hydrostatic = V * (total(pressure) / 4.0 - coefficients.tau_continuity * divergence)
-    slope, pressure_slope, divergence, hydrostatic, sum_c, sum_a = kept_in_derivatives(
+    slope, pressure_slope, divergence, hydrostatic, sum_c, sum_a = kept_apart(
         (slope, pressure_slope, divergence, hydrostatic, sum_c, sum_a), shape
     )
 
@@ -193,7 +194,7 @@ def fluid_residual(
         stress[i] = stress[i] - hydrostatic
         stresses.append(stress)
         by_fine.append(5.0 * added(fine[j] * slope[i][j] for j in range(3)))
-    stresses, by_fine = kept_in_derivatives((stresses, by_fine), shape)
+    stresses, by_fine = kept_apart((stresses, by_fine), shape)
     momentum = []
     for i in range(3):
         force = []

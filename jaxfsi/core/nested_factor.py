@@ -13,7 +13,7 @@ products of dense matrices: it runs on any device, can be batched, and in single
 a preconditioner. Fronts of one depth are sorted into a few batches of similar size and padded.
 
 Measured on the wall of the real patient's coarse mesh (13 341 unknowns) with leaves of 60: 3.6
-million numbers, padded 4.5; SuperLU with minimum degree has 2.4 million nonzeros. A block
+million numbers; SuperLU with minimum degree has 2.4 million nonzeros. A block
 tridiagonal factor over the levels of a breadth-first search has 58 million there and takes fourteen
 times as long. Larger leaves hold more numbers in fewer products: as fast, and compiled in a third
 of the time.
@@ -22,7 +22,7 @@ Source: George 1973, SIAM J. Numer. Anal. 10:345; Duff & Reid 1983, ACM Trans. M
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import equinox as eqx
@@ -41,8 +41,9 @@ LEAF = 200
 N_CUTS = 32
 """Places at which the fronts of one depth may be cut into batches."""
 
-BATCH_COST = 80_000
-"""Numbers that may be padded to save a batch."""
+BATCH_COST = 400_000
+"""Numbers that may be padded to save a batch: its dozen small operations take as long as to read
+them, on two cores."""
 
 
 class Batch(eqx.Module):
@@ -65,12 +66,17 @@ class NestedFactor(eqx.Module):
     """Factor of a matrix.
 
     Attributes:
-        batches: of fronts, leaves first.
+        levels: batches of each depth, the deepest first.
         n_unknowns: size of the matrix (static).
     """
 
-    batches: tuple[Batch, ...]
+    levels: tuple[tuple[Batch, ...], ...]
     n_unknowns: int = eqx.field(static=True)
+
+    @property
+    def batches(self) -> list[Batch]:
+        """Batches of all levels."""
+        return [batch for level in self.levels for batch in level]
 
     @property
     def n_numbers(self) -> int:
@@ -127,11 +133,12 @@ def nested_factor(
         f._replace(inverse=f.inverse.astype(dtype), coupling=f.coupling.astype(dtype))
         for f in _eliminated(matrix, graph, tree, block)
     ]
-    batches = []
+    levels = []
     for depth in range(max((f.depth for f in fronts), default=-1), -1, -1):
         level = [f for f in fronts if f.depth == depth and len(f.own)]
-        batches += [_batch(group, n_unknowns, dtype) for group in _grouped(level)]
-    return NestedFactor(tuple(batches), n_unknowns)
+        if level:
+            levels.append(tuple(_batch(group, n_unknowns, dtype) for group in _grouped(level)))
+    return NestedFactor(tuple(levels), n_unknowns)
 
 
 def _dissection(
@@ -292,19 +299,29 @@ def _batch(fronts: list[_Dense], n_unknowns: int, dtype: type) -> Batch:
 
 def nested_solve(factor: NestedFactor, b: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
     """Solve with a factor, in its precision."""
-    if not factor.batches:
+    if not factor.levels:
         return b
-    y = jnp.append(b.astype(factor.batches[0].inverse.dtype), 0.0)
-    solved = []
-    for batch in factor.batches:
-        own = gathered(y, batch.own)
-        solved.append(jnp.einsum("kst,kt->ks", batch.inverse, own))
-        pushed = jnp.einsum("kbs,ks->kb", batch.coupling, own)
-        y = y.at[batch.above].add(-pushed, mode=IN_BOUNDS, wrap_negative_indices=False)
-    for batch, own in zip(reversed(factor.batches), reversed(solved), strict=True):
-        pulled = jnp.einsum("kbs,kb->ks", batch.coupling, gathered(y, batch.above))
-        y = y.at[batch.own].set(own - pulled, mode=IN_BOUNDS, wrap_negative_indices=False)
+    y = jnp.append(b.astype(factor.levels[0][0].inverse.dtype), 0.0)
+    # The batches of a level do not wait for each other: they run side by side.
+    for level in factor.levels:
+        pushed = [jnp.einsum("kbs,ks->kb", f.coupling, gathered(y, f.own)) for f in level]
+        y = y.at[_joined(f.above for f in level)].add(
+            -_joined(pushed), mode=IN_BOUNDS, wrap_negative_indices=False
+        )
+    for level in reversed(factor.levels):
+        solved = [
+            jnp.einsum("kst,kt->ks", f.inverse, gathered(y, f.own))
+            - jnp.einsum("kbs,kb->ks", f.coupling, gathered(y, f.above))
+            for f in level
+        ]
+        y = y.at[_joined(f.own for f in level)].set(
+            _joined(solved), mode=IN_BOUNDS, wrap_negative_indices=False
+        )
     return y[:-1].astype(b.dtype)
+
+
+def _joined(parts: Iterable[Array]) -> Array:
+    return jnp.concatenate([part.reshape(-1) for part in parts])
 
 
 def nested_solve_once(
@@ -312,7 +329,7 @@ def nested_solve_once(
 ) -> Float[np.ndarray, " unknowns"]:
     """The same on the host, for a solution that is not worth a compilation."""
     y = np.append(b, 0.0)
-    batches = [jax.tree.map(np.asarray, batch) for batch in factor.batches]
+    batches = jax.tree.map(np.asarray, factor.batches)
     for batch in batches:
         np.subtract.at(y, batch.above, (batch.coupling @ y[batch.own][..., None])[..., 0])
     for batch in reversed(batches):

@@ -19,11 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.timing import in_turn, timed
-from jaxfsi.core.equations import Unknowns, begin_step, extrapolated, residual
+from jaxfsi.core.equations import begin_step, extrapolated, renewed, residual
 from jaxfsi.core.march import march
 from jaxfsi.core.mesh_motion import mesh_displacement
 from jaxfsi.core.model import Model, WallElement
-from jaxfsi.core.newton import linearised, single
+from jaxfsi.core.newton import single
+from jaxfsi.core.operator import apply_elements, step_tangent
 from jaxfsi.core.preconditioner import precondition
 from jaxfsi.core.state import State, initial_state
 from jaxfsi.core.stepper import Stepper, prepare
@@ -126,13 +127,10 @@ def _profile(
     method = stepper.method
     step = eqx.filter_jit(begin_step)(stepper.dt, model, state, method, stepper.motion)
     y = extrapolated(state.t + stepper.dt, model, state)
-    y_single = single(y)
-    flat = jnp.concatenate([y_single.u.reshape(-1), y_single.p])
+    y_single, model_single, step_single = single((y, model, step))
+    about = eqx.filter_jit(step_tangent)(y_single, model_single, step_single, method)
     a, b = (jnp.arange(8e6) + i for i in range(2))
     n, systems = whole["iterations"], whole["systems"]
-
-    def product(y: Unknowns, model: Model, step: Any, flat: Any) -> Any:
-        return linearised(y, model, step, stepper)[0](flat)
 
     parts: dict[str, tuple[float, Callable[..., Any], tuple[Any, ...]]] = {
         "mesh motion": (1.0, mesh_displacement, (stepper.motion, state.d)),
@@ -141,12 +139,21 @@ def _profile(
             lambda model, state: begin_step(stepper.dt, model, state, method, stepper.motion),
             (model, state),
         ),
-        "residual": (
+        "residual with its coefficients": (
             1.0 + systems,
-            lambda y, model, step: residual(y, model, step, method),
+            lambda y, model, step: residual(y, model, renewed(y, model, step, method), method),
             (y, model, step),
         ),
-        "product with the tangent": (n, product, (y, model, step, flat)),
+        "tangent": (
+            systems,
+            lambda y, model, step: step_tangent(y, model, step, method),
+            (y_single, model_single, step_single),
+        ),
+        "product with the tangent": (
+            n,
+            lambda about, v, model, step: apply_elements(about, v, model, step, method),
+            (about, y_single, model_single, step_single),
+        ),
         "preconditioner": (n, precondition, (stepper.preconditioner, *y_single)),
         "flows and pressures of ports": (
             1.0,

@@ -1,7 +1,8 @@
 """Flexible GMRES for an operator and a preconditioner given as functions.
 
 Right preconditioned, without restart: the basis has room for as many vectors as iterations are
-allowed. Gram-Schmidt is done twice, which keeps the basis orthogonal to round-off.
+allowed. Gram-Schmidt in its modified form keeps the basis orthogonal to round-off times the factor
+by which the residual was reduced: enough for what single precision can reduce it.
 
 Source: Saad 1993, A flexible inner-outer preconditioned GMRES algorithm, algorithm 2.2.
 """

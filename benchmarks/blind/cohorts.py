@@ -3,11 +3,11 @@
 import pathlib
 
 from benchmarks.blind.cases import Cases, seal
+from benchmarks.blind.diagnoses import records_in
 from benchmarks.blind.truth import RANGES
 from diagnosis import diagnose, measured, stacked
 from diagnosis.cohort import pool
 from study.cache import use_cache
-from study.record_file import read_record
 
 NULLS = 3
 """Cohorts without any effect."""
@@ -31,14 +31,17 @@ def pool_cohorts(folder: pathlib.Path, seed: int, patients: int, richness: str) 
     cases.write(folder / "noise-0.5", 0.5)
     seal(folder, cases.labels)
     places = sorted((folder / "noise-0.5").iterdir())
-    found = diagnose(stacked([measured(read_record(p)[0], richness) for p in places]))
+    records = records_in(places)
+    batch = stacked([measured(record, richness) for record in records.values()])
+    found = dict(zip(records, diagnose(batch), strict=True))
     lines = [
         f"{richness}, {patients} patients a cohort, seed {seed}", "",
         "| cause | alone: named (rightly) | pooled verdict | probability of the cause | of none |",
         "|---|---|---|---|---|",
     ]  # fmt: skip
     for k, cause in enumerate(causes):
-        group = found[k * patients : (k + 1) * patients]
+        members = places[k * patients : (k + 1) * patients]
+        group = [found[place] for place in members if place in found]
         pooled = pool(group)
         named = [d.judgement.named for d in group if d.judgement.verdict == "named"]
         right = sum(names == (cause,) for names in named)

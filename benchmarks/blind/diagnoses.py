@@ -1,17 +1,31 @@
 """Diagnoses of a folder of records, without any look at labels."""
 
 import pathlib
+import sys
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
 from benchmarks.blind.sparse import strongest_term
-from diagnosis import Diagnosis, diagnose, measured, stacked
+from diagnosis import Diagnosis, Record, diagnose, measured, stacked
 from diagnosis.prediction import n_unknowns
 from diagnosis.shrink import expected_waves
 from study.cache import use_cache
+from study.faults import CaseError
 from study.record_file import read_record
+
+
+def records_in(places: Iterable[pathlib.Path]) -> dict[pathlib.Path, Record]:
+    """Records of some folders; one that is refused is left out, and says so on standard error."""
+    found = {}
+    for place in places:
+        try:
+            found[place], _ = read_record(place)
+        except CaseError as error:
+            print(f"{place.name} is refused and left out: {error}", file=sys.stderr, flush=True)
+    return found
 
 
 def diagnose_folder(
@@ -29,11 +43,12 @@ def diagnose_folder(
     places = sorted(place for place in folder.iterdir() if (place / "record.toml").is_file())[
         :first
     ]
-    records = [read_record(place)[0] for place in places]
-    found = diagnose(stacked([measured(r, richness) for r in records]), prior_scale=prior_scale)
+    records = records_in(places)
+    batch = stacked([measured(record, richness) for record in records.values()])
+    found = diagnose(batch, prior_scale=prior_scale)
     return [
         {"case": int(place.name.split("-")[1]), **row_of(diagnosis)}
-        for place, diagnosis in zip(places, found, strict=True)
+        for place, diagnosis in zip(records, found, strict=True)
     ]
 
 

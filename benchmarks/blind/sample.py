@@ -17,6 +17,7 @@ import numpy as np
 from jax.scipy.special import gammaln, logsumexp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
+from benchmarks.blind.diagnoses import records_in
 from diagnosis import CATALOGUE, Diagnosis, Effect, diagnose, measured, stacked
 from diagnosis.hypothesis import (
     Catalogue,
@@ -29,7 +30,6 @@ from diagnosis.measured import Measured, data_of, weights
 from diagnosis.prediction import Situation, as_data, selection, situations
 from diagnosis.verdict import PRIOR, Hypothesis, key_of
 from study.cache import use_cache
-from study.record_file import read_record
 
 DRAWS, CHUNK = 4096, 256
 FREEDOM, WIDTH = 6.0, 1.15
@@ -120,14 +120,14 @@ def sampled_log_evidence(
 def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:
     """Probabilities among the likeliest hypotheses of some records, as a Markdown table."""
     use_cache()
-    places = sorted(folder.iterdir())[:count]
-    batch = stacked([measured(read_record(place)[0], richness) for place in places])
+    records = records_in(sorted(folder.iterdir())[:count])
+    batch = stacked([measured(record, richness) for record in records.values()])
     n = len(CATALOGUE)
     prior = {0: PRIOR["none"], 1: PRIOR["single"] / n, 2: PRIOR["pair"] / (n * (n - 1) / 2)}
     lines = ["| record | hypotheses | probabilities | by sampling | draws that count |",
              "|---|---|---|---|---|"]  # fmt: skip
     worst = []
-    for place, d in zip(places, diagnose(batch), strict=True):
+    for place, d in zip(records, diagnose(batch), strict=True):
         ranked = sorted(d.fits, key=lambda h: -d.log_B[h] - np.log(prior[len(h)]))[:SHOWN]
         found = [sampled_log_evidence(d, h) for h in ranked]
         share = np.log([prior[len(h)] for h in ranked])

@@ -1,11 +1,13 @@
 """The blind benchmark itself: its truth, its seals, and a subset small enough for every run."""
 
+import shutil
+
 import numpy as np
 import pytest
 
 from benchmarks.blind import layers, truth
 from benchmarks.blind.cases import Cases, seal, unseal
-from benchmarks.blind.diagnoses import diagnose_folder
+from benchmarks.blind.diagnoses import diagnose_folder, records_in
 from benchmarks.blind.grid import grid_figure, grid_table
 from benchmarks.blind.sample import sampled_log_evidence
 from benchmarks.blind.score import (
@@ -47,6 +49,16 @@ def rows(folder):
         level = float(np.std(waves["before"]))
         row["held_out"] = {"before": level, "after": level, "oracle": level}
     return found
+
+
+def test_a_refused_record_is_left_out_and_named(folder, tmp_path, capsys):
+    for k in (0, 1):
+        name = f"case-{k:04d}"
+        shutil.copytree(folder / "noise-0.5" / name, tmp_path / name)
+    (tmp_path / "case-0000" / "record.toml").write_text("nothing = 1\n")
+    found = records_in(sorted(tmp_path.iterdir()))
+    assert [place.name for place in found] == ["case-0001"]
+    assert "case-0000 is refused" in capsys.readouterr().err
 
 
 def test_truth_and_catalogue_hold_the_same_effects():

@@ -56,7 +56,9 @@ def kept_apart(values: Tree, shape: Geometry) -> Tree:
 
     XLA on a CPU repeats whatever leads to a value in every loop that uses it, and a kernel with
     thirty results that use the same stress would compute it thirty times. The branches of a
-    condition are the boundary that it respects.
+    condition are the boundary that it respects. Between the coefficients of the blood's equations
+    and its residual, and before the forces of the corners, it halves the time of a residual;
+    around every stage it costs more than it saves.
 
     Args:
         values: arrays of element values.

@@ -15,9 +15,9 @@ change v, with the gradient of u as it is: it couples the components. What c doe
 the stabilisation is left out, and so are those of τ and μ.
 
 Element by element the sixteen entries of A and what G, D and C are made of are kept; the wall
-enters with its own tangent. On the elastic tube of 60 000 elements a product of the blood takes
-1.7 ms so, 4.1 ms as the derivative of the residual; to assemble stencils takes as long as seven of
-the latter.
+enters with its own tangent. On the elastic tube of 60 000 elements, in a compiled loop on two
+cores, a product of the blood takes 1.0 ms so and one of the wall 1.1 ms; by stencils, with what
+couples the components by elements, that of the blood takes 2.3 ms.
 """
 
 from collections.abc import Sequence

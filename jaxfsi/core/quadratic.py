@@ -28,10 +28,12 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements import (
+    IN_BOUNDS,
     Corners,
     Geometry,
     added,
     corners,
+    gathered,
     gradient,
     kept_apart,
     scatter,
@@ -150,7 +152,7 @@ class QuadraticElement(AbstractWallElement):
                 edge[k] = edge[k] + 4.0 * FAR * (pull[b] + pull[c]) + _SPREAD * own
             row = scatter(vertex, self.tets, a.shape[1])
             for k, values in enumerate(edge):
-                row = row.at[self.edges[k]].add(values)
+                row = row.at[self.edges[k]].add(values, mode=IN_BOUNDS, wrap_negative_indices=False)
             rows.append(row)
         return jnp.stack(rows)
 
@@ -174,7 +176,7 @@ class QuadraticElement(AbstractWallElement):
         return vertex, edge
 
     def _edge_values(self, component: Float[Array, " nodes"]) -> list[Float[Array, " tets"]]:
-        return [component[self.edges[k]] for k in range(6)]
+        return [gathered(component, self.edges[k]) for k in range(6)]
 
     def _at_corner(self, w: list[Float[Array, " tets"]], a: int) -> Float[Array, " tets"]:
         """Sum over the edges that meet at a corner."""

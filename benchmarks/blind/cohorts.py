@@ -3,11 +3,9 @@
 import pathlib
 
 from benchmarks.blind.cases import Cases, seal
-from benchmarks.blind.diagnoses import records_in
+from benchmarks.blind.diagnoses import diagnoses_of
 from benchmarks.blind.truth import RANGES
-from diagnosis import diagnose, measured, stacked
 from diagnosis.cohort import pool
-from study.cache import use_cache
 
 NULLS = 3
 """Cohorts without any effect."""
@@ -24,16 +22,13 @@ def pool_cohorts(folder: pathlib.Path, seed: int, patients: int, richness: str) 
         patients: in each cohort.
         richness: what is used of each record.
     """
-    use_cache()
     causes: list[str | None] = [*RANGES, *[None] * NULLS]
     effects = [cause for cause in causes for _ in range(patients)]
     cases = Cases(seed, len(effects), effects=effects)
     cases.write(folder / "noise-0.5", 0.5)
     seal(folder, cases.labels)
     places = sorted((folder / "noise-0.5").iterdir())
-    records = records_in(places)
-    batch = stacked([measured(record, richness) for record in records.values()])
-    found = dict(zip(records, diagnose(batch), strict=True))
+    found = diagnoses_of(places, richness)
     lines = [
         f"{richness}, {patients} patients a cohort, seed {seed}", "",
         "| cause | alone: named (rightly) | pooled verdict | probability of the cause | of none |",

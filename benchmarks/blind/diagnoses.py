@@ -28,6 +28,22 @@ def records_in(places: Iterable[pathlib.Path]) -> dict[pathlib.Path, Record]:
     return found
 
 
+def diagnoses_of(
+    places: Iterable[pathlib.Path], richness: str, *, prior_scale: float = 1.0
+) -> dict[pathlib.Path, Diagnosis]:
+    """Diagnoses of the records of some folders in one batch.
+
+    Raises:
+        ValueError: all of them are refused.
+    """
+    use_cache()
+    records = records_in(places)
+    if not records:
+        raise ValueError("no record is left to diagnose; `make` writes some")
+    batch = stacked([measured(record, richness) for record in records.values()])
+    return dict(zip(records, diagnose(batch, prior_scale=prior_scale), strict=True))
+
+
 def diagnose_folder(
     folder: pathlib.Path, richness: str, *, prior_scale: float = 1.0, first: int | None = None
 ) -> list[dict[str, Any]]:
@@ -39,16 +55,12 @@ def diagnose_folder(
         prior_scale: factor on the prior of every size.
         first: only so many of them.
     """
-    use_cache()
     places = sorted(place for place in folder.iterdir() if (place / "record.toml").is_file())[
         :first
     ]
-    records = records_in(places)
-    batch = stacked([measured(record, richness) for record in records.values()])
-    found = diagnose(batch, prior_scale=prior_scale)
     return [
         {"case": int(place.name.split("-")[1]), **row_of(diagnosis)}
-        for place, diagnosis in zip(records, found, strict=True)
+        for place, diagnosis in diagnoses_of(places, richness, prior_scale=prior_scale).items()
     ]
 
 

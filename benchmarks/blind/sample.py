@@ -17,8 +17,8 @@ import numpy as np
 from jax.scipy.special import gammaln, logsumexp
 from jaxtyping import Array, Float, Int, PRNGKeyArray
 
-from benchmarks.blind.diagnoses import records_in
-from diagnosis import CATALOGUE, Diagnosis, Effect, diagnose, measured, stacked
+from benchmarks.blind.diagnoses import diagnoses_of
+from diagnosis import CATALOGUE, Diagnosis, Effect
 from diagnosis.hypothesis import (
     Catalogue,
     beat_under,
@@ -29,7 +29,6 @@ from diagnosis.hypothesis import (
 from diagnosis.measured import Measured, data_of, weights
 from diagnosis.prediction import Situation, as_data, selection, situations
 from diagnosis.verdict import PRIOR, Hypothesis, key_of
-from study.cache import use_cache
 
 DRAWS, CHUNK = 4096, 256
 FREEDOM, WIDTH = 6.0, 1.15
@@ -119,15 +118,13 @@ def sampled_log_evidence(
 
 def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:
     """Probabilities among the likeliest hypotheses of some records, as a Markdown table."""
-    use_cache()
-    records = records_in(sorted(folder.iterdir())[:count])
-    batch = stacked([measured(record, richness) for record in records.values()])
+    diagnoses = diagnoses_of(sorted(folder.iterdir())[:count], richness)
     n = len(CATALOGUE)
     prior = {0: PRIOR["none"], 1: PRIOR["single"] / n, 2: PRIOR["pair"] / (n * (n - 1) / 2)}
     lines = ["| record | hypotheses | probabilities | by sampling | draws that count |",
              "|---|---|---|---|---|"]  # fmt: skip
     worst = []
-    for place, d in zip(records, diagnose(batch), strict=True):
+    for place, d in diagnoses.items():
         ranked = sorted(d.fits, key=lambda h: -d.log_B[h] - np.log(prior[len(h)]))[:SHOWN]
         found = [sampled_log_evidence(d, h) for h in ranked]
         share = np.log([prior[len(h)] for h in ranked])

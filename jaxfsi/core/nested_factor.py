@@ -13,10 +13,9 @@ products of dense matrices: it runs on any device, can be batched, and in single
 a preconditioner. Fronts of one depth are sorted into a few batches of similar size and padded.
 
 Measured on the wall of the real patient's coarse mesh (13 341 unknowns) with leaves of 60: 3.6
-million numbers; SuperLU with minimum degree has 2.4 million nonzeros. A block
-tridiagonal factor over the levels of a breadth-first search has 58 million there and takes fourteen
-times as long. Larger leaves hold more numbers in fewer products: as fast, and compiled in a third
-of the time.
+million numbers; SuperLU with minimum degree has 2.4 million nonzeros. A block tridiagonal factor
+over the levels of a breadth-first search has 58 million there and takes fourteen times as long.
+Larger leaves hold more numbers in fewer products: as fast, and compiled in a third of the time.
 
 Source: George 1973, SIAM J. Numer. Anal. 10:345; Duff & Reid 1983, ACM Trans. Math. Softw. 9:302.
 """
@@ -302,7 +301,7 @@ def nested_solve(factor: NestedFactor, b: Float[Array, " unknowns"]) -> Float[Ar
     if not factor.levels:
         return b
     y = jnp.append(b.astype(factor.levels[0][0].inverse.dtype), 0.0)
-    # The batches of a level do not wait for each other: they run side by side.
+    # The batches of a level do not wait for each other.
     for level in factor.levels:
         pushed = [jnp.einsum("kbs,ks->kb", f.coupling, gathered(y, f.own)) for f in level]
         y = y.at[_joined(f.above for f in level)].add(

@@ -34,15 +34,19 @@ def gathered(field: Float[Array, " n"], index: Int[Array, "*places"]) -> Float[A
     return field.at[index].get(mode=IN_BOUNDS, wrap_negative_indices=False)
 
 
+Corners = tuple[Float[Array, " tets"], ...]
+"""Values of a scalar field at the four corners of the elements."""
+
+
 class Geometry(NamedTuple):
     """Shape of the elements.
 
     Attributes:
-        grad: gradients of the four shape functions [1/cm].
+        grad: each component of the gradients of the four shape functions [1/cm].
         volume: signed volumes [cm³].
     """
 
-    grad: Float[Array, "3 4 tets"]
+    grad: tuple[Corners, Corners, Corners]
     volume: Float[Array, " tets"]
 
 
@@ -92,10 +96,6 @@ def _(primals, tangents):
     return kept_apart(values, shape), change
 
 
-Corners = tuple[Float[Array, " tets"], ...]
-"""Values of a scalar field at the four corners of the elements."""
-
-
 def corners(field: Float[Array, " nodes"], tets: Int[Array, "4 tets"]) -> Corners:
     """Values of a scalar field at the corners of the elements."""
     return tuple(gathered(field, tets[a]) for a in range(4))
@@ -121,8 +121,8 @@ def geometry(x: Float[Array, "3 nodes"], tets: Int[Array, "4 tets"]) -> Geometry
     det = added(e[0][j] * normals[0][j] for j in range(3))
     others = [[n / det for n in normal] for normal in normals]
     first = [-added(others[i][j] for i in range(3)) for j in range(3)]
-    grad = [jnp.stack([first[j], *(others[i][j] for i in range(3))]) for j in range(3)]
-    return Geometry(jnp.stack(grad), det / 6.0)
+    g_x, g_y, g_z = ((first[j], *(others[i][j] for i in range(3))) for j in range(3))
+    return Geometry((g_x, g_y, g_z), det / 6.0)
 
 
 def _cross(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
@@ -147,7 +147,7 @@ def gradient(
     """Gradient of a nodal field on each element, one array a direction."""
     g = shape.grad
     x, y, z = (
-        g[j, 0] * values[0] + g[j, 1] * values[1] + g[j, 2] * values[2] + g[j, 3] * values[3]
+        g[j][0] * values[0] + g[j][1] * values[1] + g[j][2] * values[2] + g[j][3] * values[3]
         for j in range(3)
     )
     return x, y, z

@@ -66,7 +66,7 @@ class Frozen(NamedTuple):
     """
 
     c: Float[Array, "3 nodes"]
-    fine: Float[Array, "3 tets"]
+    fine: tuple[Float[Array, " tets"], ...]
     tau_momentum: Float[Array, " tets"]
     tau_continuity: Float[Array, " tets"]
     mu: Float[Array, " tets"]
@@ -101,7 +101,7 @@ def frozen(
     c = u - u_mesh
     grad = shape.grad
     metric = [
-        [added(grad[i, k] * grad[j, k] for k in (1, 2, 3)) for j in range(3)] for i in range(3)
+        [added(grad[i][k] * grad[j][k] for k in (1, 2, 3)) for j in range(3)] for i in range(3)
     ]
     pairs = [(i, j) for i in range(3) for j in range(3)]
     mean = [total(component) / 4.0 for component in vector_corners(c, tets)]
@@ -131,7 +131,7 @@ def frozen(
         convection = added(mean[j] * slope[i][j] for j in range(3))
         strong = blood.rho_f * (acceleration[i] + convection) + pressure[i]
         fine.append(-tau_momentum * strong)
-    return Frozen(c, jnp.stack(fine), tau_momentum, tau_continuity, mu)
+    return Frozen(c, tuple(fine), tau_momentum, tau_continuity, mu)
 
 
 def fluid_residual(
@@ -201,12 +201,12 @@ def fluid_residual(
         for b in range(4):
             through = added(c[j][b] * slope[i][j] for j in range(3)) + convection[i] + by_fine[i]
             inertia = rho * V / 20.0 * (acceleration[i][b] + sum_a[i] + through)
-            pull = added(shape.grad[j, b] * stresses[i][j] for j in range(3))
+            pull = added(shape.grad[j][b] * stresses[i][j] for j in range(3))
             force.append(inertia + pull)
         force = kept_in_derivatives(tuple(force), shape)
         momentum.append(scatter(force, tets, n_nodes))
     continuity = tuple(
-        V / 4.0 * divergence + added(shape.grad[i, b] * tau * strong[i] for i in range(3))
+        V / 4.0 * divergence + added(shape.grad[i][b] * tau * strong[i] for i in range(3))
         for b in range(4)
     )
     return jnp.stack(momentum), scatter(continuity, tets, n_nodes)

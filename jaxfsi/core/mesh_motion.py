@@ -48,11 +48,11 @@ def mesh_motion(model: Model) -> MeshMotion:
     matrix = assembled(tets, stiffness(shape, 1.0 / shape.volume), len(points))
     free = np.flatnonzero(~np.asarray(model.mesh_held))
     near = np.flatnonzero(np.any(np.asarray(model.mesh_held)[tets], axis=1))
-    grad = np.moveaxis(shape.grad[near], 0, 2).swapaxes(0, 1)
+    x, y, z = (tuple(jnp.asarray(shape.grad[near, a, j]) for a in range(4)) for j in range(3))
     return MeshMotion(
         nested_factor(matrix[free][:, free], points=points[free]),
         jnp.asarray(free, jnp.int32),
-        Geometry(jnp.asarray(grad), jnp.ones(len(near))),
+        Geometry((x, y, z), jnp.ones(len(near))),
         jnp.asarray(tets[near].T, jnp.int32),
         jnp.asarray(shape.volume),
     )
@@ -71,7 +71,7 @@ def mesh_displacement(
     residual = []
     for d in d_interface:
         slope = gradient(corners(d, motion.tets), motion.shape)
-        flux = tuple(added(grad[j, b] * slope[j] for j in range(3)) for b in range(4))
+        flux = tuple(added(grad[j][b] * slope[j] for j in range(3)) for b in range(4))
         residual.append(scatter(flux, motion.tets, n)[motion.free])
     moved = jax.vmap(lambda r: nested_solve(motion.factor, r))(jnp.stack(residual))
     return d_interface.at[:, motion.free].add(-moved)

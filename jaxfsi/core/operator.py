@@ -119,7 +119,7 @@ def _blood_tangent(
         for i in range(3)
     ]
     advected = [V * (sum_c[j] / 4.0 + k.fine[j]) for j in range(3)]
-    along = [added(sum_c[j] / 4.0 * grad[j, b] for j in range(3)) for b in range(4)]
+    along = [added(sum_c[j] / 4.0 * grad[j][b] for j in range(3)) for b in range(4)]
     c_value, cc, advected, along = kept_apart((c_value, cc, advected, along), shape)
     # ∫ ρ c* (w_a N_b + w_u c·∇N_b)
     inertia = [
@@ -127,7 +127,7 @@ def _blood_tangent(
             rho * w_a * (c_value[i][b] + V / 4.0 * k.fine[i])
             + rho
             * w_u
-            * (added(cc[i][j] * grad[j, b] for j in range(3)) + V * k.fine[i] * along[b])
+            * (added(cc[i][j] * grad[j][b] for j in range(3)) + V * k.fine[i] * along[b])
             for b in range(4)
         ]
         for i in range(3)
@@ -136,12 +136,12 @@ def _blood_tangent(
     A, upwind = [], []
     for a in range(4):
         test = [c_value[j][a] + V / 4.0 * k.fine[j] for j in range(3)]
-        upwind.append(w_u * rho * tau * added(grad[j, a] * advected[j] for j in range(3)))
+        upwind.append(w_u * rho * tau * added(grad[j][a] * advected[j] for j in range(3)))
         for b in range(4):
             share = float(MASS[a, b])
-            galerkin = w_a * share * V + w_u * added(test[j] * grad[j, b] for j in range(3))
-            stabilised = tau * added(grad[j, a] * inertia[j][b] for j in range(3))
-            laplace = w_u * V * added(grad[j, a] * grad[j, b] for j in range(3))
+            galerkin = w_a * share * V + w_u * added(test[j] * grad[j][b] for j in range(3))
+            stabilised = tau * added(grad[j][a] * inertia[j][b] for j in range(3))
+            laplace = w_u * V * added(grad[j][a] * grad[j][b] for j in range(3))
             A.append(rho * (galerkin + stabilised) + mu * laplace)
     strong = tuple(tau * rho * V * (w_a / 4.0 + w_u * along[b]) for b in range(4))
     slope = velocity_gradient(u, model.fluid_tets, shape)
@@ -186,13 +186,13 @@ def apply_elements(
         force = tuple(
             added(blood.A[4 * a + b] * velocity[i][b] for b in range(4))
             + blood.upwind[a] * push[i]
-            + added(grad[j, a] * stress[j] for j in range(3))
+            + added(grad[j][a] * stress[j] for j in range(3))
             + 0.2 * blood.mean * (4.0 * carried[i] + _carried_at(blood, velocity, i, a))
             for a in range(4)
         )
         rows.append(scatter(force, tets, n))
     continuity = tuple(
-        volume_rate + added(grad[i, a] * strong[i] for i in range(3)) for a in range(4)
+        volume_rate + added(grad[i][a] * strong[i] for i in range(3)) for a in range(4)
     )
     r_p = scatter(continuity, tets, n)
     return _closed(tangent, v, jnp.stack(rows), r_p, model, step, method)
@@ -207,7 +207,7 @@ def blood_diagonal(
     """
     blood, grad = tangent.blood, step.fluid_shape.grad
     stress = blood.shear + blood.spread
-    own = [tuple(blood.A[5 * a] + stress * grad[i, a] ** 2 for a in range(4)) for i in range(3)]
+    own = [tuple(blood.A[5 * a] + stress * grad[i][a] ** 2 for a in range(4)) for i in range(3)]
     own = kept_apart(own, step.fluid_shape)
     return tuple(scatter(corner, model.fluid_tets, model.n_nodes) for corner in own)
 
@@ -252,10 +252,10 @@ def assemble_step(tangent: StepTangent, step: Step, fluid: Pattern) -> StepOpera
     G, D, C = ([], [], []), ([], [], []), []
     for a in range(4):
         for b in range(4):
-            C.append(blood.least * added(grad[j, a] * grad[j, b] for j in range(3)))
+            C.append(blood.least * added(grad[j][a] * grad[j][b] for j in range(3)))
             for i in range(3):
-                G[i].append(blood.upwind[a] * grad[i, b] - blood.mean * grad[i, a])
-                D[i].append(blood.mean * grad[i, b] + blood.strong[b] * grad[i, a])
+                G[i].append(blood.upwind[a] * grad[i][b] - blood.mean * grad[i][a])
+                D[i].append(blood.mean * grad[i][b] + blood.strong[b] * grad[i][a])
     a, g_x, g_y, g_z, d_x, d_y, d_z, c_p = assemble([blood.A, *G, *D, C], fluid)
     return StepOperator(fluid, a, (g_x, g_y, g_z), (d_x, d_y, d_z), c_p)
 
@@ -317,14 +317,14 @@ def _coupling(
         stress = [blood.shear * slope[j][i] for j in range(3)]
         stress[i] = stress[i] + spread
         force = tuple(
-            added(grad[j, b] * stress[j] for j in range(3))
+            added(grad[j][b] * stress[j] for j in range(3))
             + blood.upwind[b] * carried[i]
             + 0.2 * blood.mean * (4.0 * carried[i] + _carried_at(blood, velocity, i, b))
             for b in range(4)
         )
         rows.append(scatter(force, tets, model.n_nodes))
     continuity = tuple(
-        blood.least * added(grad[i, a] * carried[i] for i in range(3)) for a in range(4)
+        blood.least * added(grad[i][a] * carried[i] for i in range(3)) for a in range(4)
     )
     return rows, scatter(continuity, tets, model.n_nodes)
 

@@ -78,7 +78,7 @@ class QuadraticElement(AbstractWallElement):
             )
             for g in range(4):
                 bow = [
-                    added(w[_EDGE[a, g]] * shape.grad[j, a] for a in range(4) if a != g)
+                    added(w[_EDGE[a, g]] * shape.grad[j][a] for a in range(4) if a != g)
                     for j in range(3)
                 ]
                 rows[g].append([common[j] + _SPREAD * bow[j] for j in range(3)])
@@ -144,11 +144,11 @@ class QuadraticElement(AbstractWallElement):
         for i in range(3):
             P = [[quarter * point[i][j] for j in range(3)] for point in stress]
             common = [added(P[g][j] for g in range(4)) for j in range(3)]
-            pull = [added(common[j] * grad[j, c] for j in range(3)) for c in range(4)]
+            pull = [added(common[j] * grad[j][c] for j in range(3)) for c in range(4)]
             vertex, edge = self._inertia(a[i], mass)
             vertex = tuple(m + p for m, p in zip(vertex, pull, strict=True))
             for k, (b, c) in enumerate(EDGES):
-                own = added(P[c][j] * grad[j, b] + P[b][j] * grad[j, c] for j in range(3))
+                own = added(P[c][j] * grad[j][b] + P[b][j] * grad[j][c] for j in range(3))
                 edge[k] = edge[k] + 4.0 * FAR * (pull[b] + pull[c]) + _SPREAD * own
             row = scatter(vertex, self.tets, a.shape[1])
             for k, values in enumerate(edge):

@@ -152,7 +152,7 @@ class LinearElement(AbstractWallElement):
         for row, corner in zip(stress[0], vector_corners(a, self.tets), strict=True):
             whole = total(corner)
             force = tuple(
-                mass / 20.0 * (corner[b] + whole) + V * added(grad[j, b] * row[j] for j in range(3))
+                mass / 20.0 * (corner[b] + whole) + V * added(grad[j][b] * row[j] for j in range(3))
                 for b in range(4)
             )
             rows.append(scatter(force, self.tets, a.shape[1]))

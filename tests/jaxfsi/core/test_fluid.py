@@ -106,8 +106,8 @@ def test_forces_sum_to_the_change_of_momentum(box):
     coefficients = frozen(jnp.asarray(DT), u, a, p, u_mesh, BLOOD, box.tets, box.shape)
     r_u, r_p = fluid_residual(u, a, p, BLOOD, coefficients, box.tets, box.shape)
     V = box.shape.volume
-    slope = jnp.einsum("iat,jat->ijt", u[:, box.tets], box.shape.grad)
-    carrier = jnp.mean((u - u_mesh)[:, box.tets], axis=1) + coefficients.fine
+    slope = jnp.einsum("iat,jat->ijt", u[:, box.tets], jnp.asarray(box.shape.grad))
+    carrier = jnp.mean((u - u_mesh)[:, box.tets], axis=1) + jnp.asarray(coefficients.fine)
     rate = jnp.mean(a[:, box.tets], axis=1) + jnp.einsum("jt,ijt->it", carrier, slope)
     expected = BLOOD.rho_f * jnp.sum(V * rate, axis=1)
     np.testing.assert_allclose(jnp.sum(r_u, axis=1), expected, rtol=1e-10)
@@ -146,7 +146,7 @@ def test_stabilisation_of_the_divergence_is_free_of_the_step_unless_asked_for(bo
     np.testing.assert_allclose(long.tau_continuity, short.tau_continuity, rtol=1e-12)
     # Where the step is long, 1/(τ_M tr G) is its limit.
     other = Blood(BLOOD.rho_f, BLOOD.viscosity, transient_continuity=True)
-    trace = jnp.sum(box.shape.grad[:, 1:] ** 2, axis=(0, 1))
+    trace = jnp.sum(jnp.asarray(box.shape.grad)[:, 1:] ** 2, axis=(0, 1))
     for dt in (1e-6, 1e-3, 1e3):
         k = coefficients(dt, other)
         np.testing.assert_allclose(k.tau_continuity, 1.0 / (k.tau_momentum * trace), rtol=1e-12)

@@ -15,6 +15,7 @@ def test_withheld_effects_of_published_data_are_found(shared_data):
     for row in found["rows"]:
         assert row["right"], row
     assert found["passed"]
+    assert "common carotid: yielding wall + inertia" in [row["what"] for row in found["rows"]][:6]
     assert json.loads(json.dumps(found)) == found  # as the command writes it
 
 

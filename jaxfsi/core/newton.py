@@ -42,9 +42,10 @@ SLACK = 10.0
 """Multiple of the tolerance that may be left where a linear system, solved to half the tolerance,
 shows that its coefficients were those of an earlier iterate."""
 
-DERIVATIVE_TOLERANCE = 1e-5
-"""Relative residual of the systems that give derivatives. A gradient through twenty steps of the
-elastic tube is then exact to 3e-5; with 1e-6 it is to 1e-6 and takes four iterations more."""
+DERIVATIVE_SHARE, DERIVATIVE_TOLERANCES = 1e-2, (1e-6, 1e-5)
+"""Relative residual of the systems that give derivatives: its share of the tolerance of a step, and
+its range. With 1e-5 a gradient through twenty steps of the elastic tube is exact to 3e-5; with 1e-6
+it is to 1e-6 and takes four iterations more a step."""
 
 LEAST_REFINEMENT = 5e-6
 """Furthest that one correction of such a system is asked to reduce its residual: below, single
@@ -241,21 +242,21 @@ def _(primals, tangents):
     def matvec(flat: Flat) -> Flat:
         return ravel_pytree(along(unravel(flat)))[0]
 
+    tolerance = jnp.clip(DERIVATIVE_SHARE * stepper.tolerance, *DERIVATIVE_TOLERANCES)
+
     def refined(product, correct, b: Flat) -> Flat:
         def proceed(s):
             _, r, k = s
-            return (k < MOST_REFINEMENTS) & (
-                scaling.norm(r) > DERIVATIVE_TOLERANCE * scaling.norm(b)
-            )
+            return (k < MOST_REFINEMENTS) & (scaling.norm(r) > tolerance * scaling.norm(b))
 
         def refine(s):
             x, r, k = s
-            goal = 0.5 * DERIVATIVE_TOLERANCE * scaling.norm(b) / scaling.norm(r)
+            goal = 0.5 * tolerance * scaling.norm(b) / scaling.norm(r)
             x = x + correct(r, jnp.maximum(goal, LEAST_REFINEMENT))
             return x, b - product(x), k + 1
 
         x, r, _ = jax.lax.while_loop(proceed, refine, (jnp.zeros_like(b), b, 0))
-        solved = scaling.norm(r) <= 10.0 * DERIVATIVE_TOLERANCE * scaling.norm(b)
+        solved = scaling.norm(r) <= 10.0 * tolerance * scaling.norm(b)
         return jnp.where(solved, x, jnp.nan)
 
     def correction(product, inverse):

@@ -1,8 +1,11 @@
 """What a diagnosis says and advises, in sentences for people who have to act on it."""
 
+from collections.abc import Mapping
+
 from diagnosis import Diagnosis, find_effect
 from diagnosis.next_measurement import next_measurements
 from diagnosis.shrink import held_out_gap
+from diagnosis.verdict import NO_GAP
 from diagnosis.where import forcing_shares
 
 LISTED, MOST_LISTED = 0.05, 5
@@ -76,7 +79,7 @@ def to_do(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
                 "Few effects show in pressure ratios or means. To look further, record both "
                 "pressures over the beat, and the mean flow."
             )
-        return steps
+        return [*steps, *doubts(diagnosis.judgement.probabilities)]
     if verdict == "named":
         return [*_additions(diagnosis), *_held_out(diagnosis, conditions)]
     if verdict == "ambiguous":
@@ -96,6 +99,22 @@ def to_do(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
         "Look at the instruments first, then where a disturbance would mimic the gap best: "
         + "; ".join(f"{_LOOK[n]}, share {shares[n]:.2f}" for n in places)
         + ". Places that leave the same trace cannot be told apart.",
+    ]
+
+
+def doubts(probabilities: Mapping[str, float]) -> list[str]:
+    """What speaks against a verdict of no gap, where that is not the most probable.
+
+    Args:
+        probabilities: see `Judgement`.
+    """
+    likeliest = max(probabilities, key=lambda name: probabilities[name])
+    if likeliest == "none":
+        return []
+    return [
+        f"Keep in mind: {_plain(likeliest)} has probability {probabilities[likeliest]:.2f}, no gap "
+        f"{probabilities['none']:.2f}. To avoid false alarms a gap is stated only where the latter "
+        f"is below {NO_GAP:.2f}; a second or quieter record would decide."
     ]
 
 

@@ -33,7 +33,7 @@ def test_cycle_is_stable_and_conserves_volume():
     books = keep_books(model, setup.state, stepper, wet_wall(mesh), schedule.n_steps)
     assert np.all(books.report.result == RESULTS.successful)
     errors = volume_errors(books)
-    # What is left of continuity is what the solve leaves: 2.0e-4, and 1.4e-5 with a tolerance of 1e-4.
+    # What is left of continuity is what the solve leaves: 2.0e-4; 1.4e-5 with a tolerance of 1e-4.
     assert errors.equation < stepper.tolerance
     assert errors.cycle < 1e-6
     end = books.state

@@ -237,6 +237,7 @@ def _(primals, tangents):
     forward, M = linearised(y, model, renewed(y, model, step, stepper.method), stepper)
     backward = jax.linear_transpose(forward, b.astype(jnp.float32))
 
+    # outside of the loops, which would evaluate the equations again with every product
     _, along = jax.linearize(lambda y: equations(model, step, y), y)
 
     def matvec(flat: Flat) -> Flat:

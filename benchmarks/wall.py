@@ -75,7 +75,7 @@ def _row(
 
     end, seconds = timed(solve)
     if reference is None:
-        strain = axial_strain(problem, end.d, 1.0, 0.4)
+        strain = axial_strain(problem.mesh, end.d, 1.0, 0.4)
         exact = lame_displacement(0.5, 0.5, 0.6, 1e-4, 1.0, nu, strain)
         ratio = radial_displacement(problem, end.d, 0.5, 1.0) / exact
     else:

@@ -35,11 +35,13 @@ class Prestress(NamedTuple):
     Attributes:
         model: the model with its prestress.
         d: displacement under the loads that is left [cm].
+        e: displacement whose Hookean stress the prestress is [cm].
         result: see `statics.RESULTS`.
     """
 
     model: Model
     d: Float[Array, "3 nodes"]
+    e: Float[Array, "3 nodes"]
     result: RESULTS
 
 
@@ -82,4 +84,4 @@ def prestressed(
     S = jnp.stack([jnp.stack([jnp.stack(list(row)) for row in s]) for s in stress], axis=2)
     carried = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
     left = equilibrium(carried, loads, factor, tolerance=tolerance, throw=throw)
-    return Prestress(carried, left.d, left.result)
+    return Prestress(carried, left.d, e, left.result)

@@ -182,11 +182,9 @@ def lame_displacement(
     return widening - nu * axial_strain * radius
 
 
-def axial_strain(
-    problem: WallProblem, d: Float[Array, "3 nodes"], z: float, length: float
-) -> float:
-    """Mean axial strain over a length round a height [cm], by least squares."""
-    height = problem.mesh.points[:, 2]
+def axial_strain(mesh: Mesh, d: Float[Array, "3 nodes"], z: float, length: float) -> float:
+    """Mean axial strain of vertices over a length round a height [cm], by least squares."""
+    height = mesh.points[:, 2]
     here = np.abs(height - z) <= length / 2.0
     moved = np.asarray(d)[2, : len(height)][here]
     return float(np.polyfit(height[here], moved, 1)[0])

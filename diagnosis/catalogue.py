@@ -51,7 +51,7 @@ def _collateral(c: Circuit, size) -> Circuit:
 CATALOGUE: tuple[Effect, ...] = (
     Effect(
         id="quadratic_loss", place="ostium", unit="mmHg s2/ml2", sd=6.0, one_sided=True,
-        tolerance=GUESSED_FORM, nonlinear=True,
+        tolerance=GUESSED_FORM, nonlinear=True, ridge=True,
         change=lambda c, size: c._replace(K=c.K + size),
         equation="ΔP = R0 Q + φ Q|Q|",
         sentence="the narrow ostium loses pressure with the square of the flow",

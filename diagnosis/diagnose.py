@@ -1,15 +1,17 @@
 """Which effect: all hypotheses of a batch of records, their evidence, and the verdicts.
 
 1. The base model is fitted. 2. One Jacobian there scans all effects and pairs; every effect is
-refitted from there. 3. About the two best, one Jacobian scans all partners; the four best pairs are
-fitted, and with the best effect all partners that a scan from size zero may miss; the others take
-the evidence of the scan, but no more gain than the fitted partners have. Where no effect stands out
-no pair is fitted and all take what the first scan says beside the fit of their better half. 4. A
-free forcing at every place, alone and beside the best hypotheses, gives "unknown". 5. Evidence and
-priors give probabilities and a verdict.
+refitted from there; without waveforms some take an integral over their size. 3. About the two best,
+one Jacobian scans all partners; the four best pairs are fitted, and with the best effect all
+partners that a scan from size zero may miss; the others take the evidence of the scan, but no more
+gain than the fitted partners have. Where no effect stands out no pair is fitted and all take what
+the first scan says beside the fit of their better half. 4. A free forcing at every place, alone and
+beside the best hypotheses, gives "unknown". 5. Evidence and priors give probabilities and a
+verdict.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple, TypeVar
 
 import jax
@@ -23,6 +25,7 @@ from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans
 from diagnosis.hypothesis import Catalogue, Fitted, Scan, numbers_of
 from diagnosis.measured import Measured, weights
 from diagnosis.prediction import n_unknowns
+from diagnosis.ridge import along_ridges
 from diagnosis.verdict import PRIOR, Hypothesis, Judgement, judge, probabilities_of
 
 WORTH_PAIRING = 3.0
@@ -111,6 +114,11 @@ def diagnose(
     record = np.repeat(np.arange(B), E)
     pairs = np.array([(e, -1) for _ in range(B) for e in range(E)])
     single = _best_of_starts(batch, record, pairs, x[record], numbers, effects, tell)
+    curved = np.flatnonzero([effect.ridge for effect in effects])
+    if batch.n_sensors == 0 and curved.size:
+        ridges = along_ridges(batch, base, curved, numbers, effects, tell)
+        rows = (np.arange(B)[:, None] * E + curved).ravel()
+        single = jax.tree.map(partial(_replaced, rows=rows), single, ridges)
     single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
 
     scan = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
@@ -150,12 +158,14 @@ def _best_of_starts(
     )  # fmt: skip
     better = far.sound & (far.log_evidence > near.log_evidence[again])
 
-    def merge(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        merged = first.copy()
-        merged[again[better]] = second[better]
-        return merged
+    rows = again[better]
+    return jax.tree.map(lambda old, new: _replaced(old, new[better], rows), near, far)
 
-    return jax.tree.map(merge, near, far)
+
+def _replaced(old: np.ndarray, new: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    changed = old.copy()
+    changed[rows] = new
+    return changed
 
 
 T = TypeVar("T", Fitted, Scan)

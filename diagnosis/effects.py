@@ -66,6 +66,8 @@ class Effect(NamedTuple):
         tolerance: relative freedom of the waveform, 0 where the form is exact.
         nonlinear: whether the flow through the ostium is no longer linear.
         two_starts: whether its fit may have two optima, so that it also starts at one sd.
+        ridge: whether size and α lie on a curved ridge where no waveform was measured, so that the
+            evidence is an integral over the size, see `ridge`; of one-sided effects only.
     """
 
     id: str
@@ -81,6 +83,7 @@ class Effect(NamedTuple):
     tolerance: float = 0.0
     nonlinear: bool = False
     two_starts: bool = False
+    ridge: bool = False
 
 
 def apply_effects(

@@ -15,7 +15,15 @@ from jaxtyping import Array, Float, Int
 
 from diagnosis.effects import Effect
 from diagnosis.forcing import forcing_evidence
-from diagnosis.hypothesis import Catalogue, Fitted, Scan, fit_hypothesis, linearise, score_scan
+from diagnosis.hypothesis import (
+    FITTED,
+    Catalogue,
+    Fitted,
+    Scan,
+    fit_hypothesis,
+    linearise,
+    score_scan,
+)
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
 
@@ -38,15 +46,15 @@ def _block(job: Callable[..., Any]) -> Callable[..., Any]:
         records: Measured,
         pairs: Int[Array, "j 2"],
         x: Float[Array, "j k"],
+        *more: Float[Array, " j"],
         numbers: Catalogue,
-        *,
         effects: tuple[Effect, ...],
         nonlinear: bool,
     ) -> Any:
-        def one(measured: Measured, pair: Array, x: Array) -> Any:
-            return job(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+        def one(measured: Measured, pair: Array, x: Array, *more: Array) -> Any:
+            return job(measured, effects, numbers, pair, x, *more, nonlinear=nonlinear)
 
-        return jax.vmap(one)(records, pairs, x)
+        return jax.vmap(one)(records, pairs, x, *more)
 
     return block
 
@@ -97,6 +105,7 @@ def run_fits(
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     *,
+    held: np.ndarray | None = None,
     step: str = "fitting",
     tell: Tell = silent,
 ) -> Fitted:
@@ -109,11 +118,15 @@ def run_fits(
         starts: where each fit starts, standardised.
         numbers: of the catalogue.
         effects: the catalogue.
+        held: size at which the first effect of each job is held, see `fit_hypothesis`; None where
+            all are fitted.
         step: what to call this, for `tell`.
         tell: told of progress.
     """
     fit = partial(_fit_block, numbers=numbers, effects=effects)
-    return _by_kind(fit, batch, record, pairs, starts, effects, partial(tell, step))
+    if held is None:
+        held = np.full(len(record), FITTED)
+    return _by_kind(fit, batch, record, pairs, (starts, held), effects, partial(tell, step))
 
 
 def _by_kind(
@@ -121,7 +134,7 @@ def _by_kind(
     batch: Measured,
     record: Sequence[int] | np.ndarray,
     pairs: Sequence[tuple[int, int]] | np.ndarray,
-    x: np.ndarray,
+    arrays: tuple[np.ndarray, ...],
     effects: tuple[Effect, ...],
     tell: Callable[[int, int], None],
 ) -> Any:
@@ -140,7 +153,8 @@ def _by_kind(
         at = np.flatnonzero(kind == nonlinear)
         if at.size:
             called = partial(function, nonlinear=nonlinear)
-            parts.append(_in_blocks(called, batch, record[at], (pairs[at], x[at]), told))
+            own = [pairs[at], *(a[at] for a in arrays)]
+            parts.append(_in_blocks(called, batch, record[at], own, told))
             order.append(at)
     back = np.argsort(np.concatenate(order))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
@@ -172,7 +186,7 @@ def run_forcings(
     """Ln Z of a free forcing at every place beside hypothesis `pairs[j]` of record `record[j]`."""
     force = partial(_force_block, numbers=numbers, effects=effects)
     told = partial(tell, "looking for what is not in the catalogue")
-    return _by_kind(force, batch, record, pairs, x, effects, told)
+    return _by_kind(force, batch, record, pairs, (x,), effects, told)
 
 
 def base_start(batch: Measured) -> np.ndarray:

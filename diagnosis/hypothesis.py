@@ -9,13 +9,14 @@ it.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import log_ndtr
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, Beat
 from diagnosis.descent import descend
@@ -46,6 +47,10 @@ FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
 
 FORM_SHIFT = 0.06
 """By how much an equation may be wrong about the time of its effect [beats]."""
+
+
+FITTED = np.nan
+"""In place of the size at which an effect is held: it is an unknown."""
 
 
 class Fitted(NamedTuple):
@@ -117,6 +122,7 @@ def fit_hypothesis(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     start: Float[Array, " k"],
+    held: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
 ) -> Fitted:
@@ -128,12 +134,14 @@ def fit_hypothesis(
         numbers: of the catalogue.
         pair: positions of the two effects, −1 for none.
         start: where the fit starts, standardised.
+        held: standardised size at which the first effect is held, the evidence being that given
+            this size, or `FITTED`.
         nonlinear: whether any of the two makes the ostium nonlinear (static).
     """
     k = n_unknowns(measured)
     W, data, cases = weights(measured), data_of(measured), situations(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    beat = beat_under(effects, numbers, pair, nonlinear=nonlinear)
+    beat = beat_under(effects, numbers, pair, held, nonlinear=nonlinear)
 
     def whitened(W: Array, case: Situation, own: Array) -> Array:
         return W * as_data(beat(case, own), measured.n_sensors)
@@ -152,7 +160,7 @@ def fit_hypothesis(
         return inside, Whitened(W * data - value + J @ inside, J)
 
     def freedom(x: Array) -> Array:
-        return form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+        return form_uncertainty(measured, effects, numbers, pair, x, held, nonlinear=nonlinear)
 
     # the optimum takes the equations at their word: steps to where they may be a little wrong
     first = about(optimum)
@@ -173,6 +181,7 @@ def fit_hypothesis(
     waves = jax.vmap(as_waves)(seen)
     log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
     log_Z = jnp.where(sound, log_Z, -jnp.inf)
+    x = x.at[k].set(jnp.where(jnp.isnan(held), x[k], held))
     sizes = sizes_under(numbers, pair, x[k:])
     return Fitted(x, log_Z, chi2, misfit, cost, residual, sizes, sd, waves, sound)
 
@@ -198,15 +207,29 @@ def one_sided_unknowns(
 
 
 def beat_under(
-    effects: Sequence[Effect], numbers: Catalogue, pair: Int[Array, " 2"], *, nonlinear: bool
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    held: Float[ArrayLike, ""] = FITTED,
+    *,
+    nonlinear: bool,
 ) -> Callable[..., Beat]:
     """What the sensors show under a hypothesis, as a function of a condition and its unknowns.
 
-    Arguments are those of `fit_hypothesis`. The function takes `forced` as `predict` does.
+    Arguments are those of `fit_hypothesis`. The function takes `forced` as `predict` does, and
+    `share`, by which the two sizes are multiplied.
     """
+    free = jnp.stack([jnp.isnan(held), jnp.asarray(True)])
+    fixed = jnp.stack([jnp.asarray(held), jnp.zeros(())])
 
-    def beat(case: Situation, own: Array, forced: Array | None = None) -> Beat:
-        sizes = sizes_under(numbers, pair, own[OWN:])
+    def beat(
+        case: Situation,
+        own: Array,
+        forced: Array | None = None,
+        share: tuple[float, float] = (1.0, 1.0),
+    ) -> Beat:
+        sized = jnp.asarray(np.array(share)) * jnp.where(free, own[OWN:], fixed)
+        sizes = sizes_under(numbers, pair, sized)
         return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear, forced=forced)
 
     return beat
@@ -235,6 +258,7 @@ def form_uncertainty(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
+    held: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
 ) -> Float[Array, "c d m"]:
@@ -244,14 +268,14 @@ def form_uncertainty(
     """
     own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
     cases, n = situations(measured), measured.n_sensors
-    beat = beat_under(effects, numbers, pair, nonlinear=nonlinear)
+    beat = beat_under(effects, numbers, pair, held, nonlinear=nonlinear)
     tolerances = places_of(numbers, pair) @ numbers.tolerance
 
     seen = jax.vmap(beat)(cases, own)
     waves, scalars = jax.vmap(as_waves)(seen), jax.vmap(lambda b: as_data(b, n)[-4:])(seen)
     power, scalar_power = jnp.zeros_like(waves), jnp.zeros_like(scalars)
-    for place in range(2):
-        without = jax.vmap(beat)(cases, own.at[:, OWN + place].set(0.0))
+    for place, share in enumerate(((0.0, 1.0), (1.0, 0.0))):
+        without = jax.vmap(partial(beat, share=share))(cases, own)
         tolerance = tolerances[place]
         power += (tolerance * (waves - jax.vmap(as_waves)(without))) ** 2
         change = scalars - jax.vmap(lambda b: as_data(b, n)[-4:])(without)

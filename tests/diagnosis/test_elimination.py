@@ -5,7 +5,7 @@ import pytest
 
 from diagnosis import CATALOGUE, engine, measured, stacked
 from diagnosis.elimination import PANEL, schur_complement, solve_definite, solve_with_log_det
-from diagnosis.hypothesis import numbers_of
+from diagnosis.hypothesis import FITTED, numbers_of
 from diagnosis.prediction import n_unknowns
 from tests.diagnosis.records import settings, synthetic
 
@@ -66,9 +66,10 @@ def test_compiled_blocks_call_no_library(nonlinear):
     k = n_unknowns(measured(settings())) + 2
     pairs, x = np.array([[0, 1], [-1, -1]]), np.zeros((2, k))
     numbers = numbers_of(CATALOGUE)
+    how = {"numbers": numbers, "effects": CATALOGUE, "nonlinear": nonlinear}
     texts = [
-        block.lower(batch, pairs, x, numbers, effects=CATALOGUE, nonlinear=nonlinear).as_text()
-        for block in (engine._fit_block, engine._force_block)
+        engine._fit_block.lower(batch, pairs, x, np.full(2, FITTED), **how).as_text(),
+        engine._force_block.lower(batch, pairs, x, **how).as_text(),
     ]
     if nonlinear:
         sizes = np.zeros((2, len(CATALOGUE)))

@@ -21,6 +21,7 @@ from jaxfsi.core.elements import (
     Geometry,
     added,
     gradient,
+    kept_apart,
     scatter,
     total,
     vector_corners,
@@ -148,12 +149,12 @@ class LinearElement(AbstractWallElement):
     ) -> Float[Array, "3 nodes"]:
         """∫ P ∇N dV + ∫ ρ_s N a dV [dyn]."""
         grad, V = shape
+        # m/20 (a_b + Σ a): the first part needs no element, the second is the same at all corners
+        share = mass / 20.0
+        own = scatter((share,) * 4, self.tets, a.shape[1])
+        inertia = [share * total(corner) for corner in vector_corners(a, self.tets)]
         rows = []
-        for row, corner in zip(stress[0], vector_corners(a, self.tets), strict=True):
-            whole = total(corner)
-            force = tuple(
-                mass / 20.0 * (corner[b] + whole) + V * added(grad[j][b] * row[j] for j in range(3))
-                for b in range(4)
-            )
-            rows.append(scatter(force, self.tets, a.shape[1]))
+        for i, (row, whole) in enumerate(zip(stress[0], kept_apart(inertia, shape), strict=True)):
+            force = tuple(whole + V * added(grad[j][b] * row[j] for j in range(3)) for b in range(4))
+            rows.append(own * a[i] + scatter(force, self.tets, a.shape[1]))
         return jnp.stack(rows)

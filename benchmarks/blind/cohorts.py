@@ -14,7 +14,7 @@ NULLS = 3
 def pool_cohorts(folder: pathlib.Path, seed: int, patients: int, richness: str) -> str:
     """Pooled verdict on one cohort for every effect and some without, as a Markdown table.
 
-    A signed effect has one sign within a cohort: what patients share is a cause, not an error.
+    Patients of a cohort share the effect; its size, and the sign of a signed one, are their own.
 
     Args:
         folder: where the records are written.

@@ -155,6 +155,8 @@ class LinearElement(AbstractWallElement):
         inertia = [share * total(corner) for corner in vector_corners(a, self.tets)]
         rows = []
         for i, (row, whole) in enumerate(zip(stress[0], kept_apart(inertia, shape), strict=True)):
-            force = tuple(whole + V * added(grad[j][b] * row[j] for j in range(3)) for b in range(4))
+            force = tuple(
+                whole + V * added(grad[j][b] * row[j] for j in range(3)) for b in range(4)
+            )
             rows.append(own * a[i] + scatter(force, self.tets, a.shape[1]))
         return jnp.stack(rows)

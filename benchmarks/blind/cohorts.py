@@ -2,17 +2,25 @@
 
 import pathlib
 
+import numpy as np
+
 from benchmarks.blind.cases import Cases, seal
 from benchmarks.blind.diagnoses import diagnoses_of
 from benchmarks.blind.truth import RANGES
+from diagnosis import Diagnosis
 from diagnosis.cohort import pool
 
 NULLS = 3
 """Cohorts without any effect."""
 
+DRAWS, DRAWN = 400, 10
+"""Random cohorts drawn from a larger one, and patients in each."""
+
 
 def pool_cohorts(folder: pathlib.Path, seed: int, patients: int, richness: str) -> str:
     """Pooled verdict on one cohort for every effect and some without, as a Markdown table.
+
+    Of cohorts of more than ten it also says what random tens of their patients lead to.
 
     Patients of a cohort share the effect; its size, and the sign of a signed one, are their own.
 
@@ -29,11 +37,15 @@ def pool_cohorts(folder: pathlib.Path, seed: int, patients: int, richness: str) 
     seal(folder, cases.labels)
     places = sorted((folder / "noise-0.5").iterdir())
     found = diagnoses_of(places, richness)
+    many = patients > DRAWN
+    drawn = f" tens: rightly, wrongly, in the set (of {DRAWS}) |" if many else ""
     lines = [
         f"{richness}, {patients} patients a cohort, seed {seed}", "",
-        "| cause | alone: named (rightly) | pooled verdict | probability of the cause | of none |",
-        "|---|---|---|---|---|",
+        "| cause | alone: named (rightly) | pooled verdict | probability of the cause | of none |"
+        + drawn,
+        "|---|---|---|---|---|" + "---|" * many,
     ]  # fmt: skip
+    rng = np.random.default_rng(seed)
     for k, cause in enumerate(causes):
         members = places[k * patients : (k + 1) * patients]
         group = [found[place] for place in members if place in found]
@@ -46,4 +58,17 @@ def pool_cohorts(folder: pathlib.Path, seed: int, patients: int, richness: str) 
             f"| {cause or 'none'} | {len(named)} ({right}) | {said} | {chance} | "
             f"{pooled.probabilities['none']:.3f} |"
         )
+        if many:
+            lines[-1] += _drawn(group, cause, rng)
     return "\n".join(lines)
+
+
+def _drawn(group: list[Diagnosis], cause: str | None, rng: np.random.Generator) -> str:
+    """How often random cohorts of `DRAWN` patients name the cause, another, or a set with it."""
+    right = wrong = held = 0
+    for _ in range(DRAWS):
+        found = pool([group[k] for k in rng.choice(len(group), DRAWN, replace=False)])
+        right += found.named == (cause,)
+        wrong += found.verdict == "named" and found.named != (cause,)
+        held += found.verdict == "ambiguous" and cause in found.named
+    return f" {right}, {wrong}, {held} |"

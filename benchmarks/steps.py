@@ -48,6 +48,7 @@ _CASES: dict[str, tuple[tuple[int, int, int], WallElement, float]] = {
     "60k": ((30, 60, 3), "linear", 1e-3),
     "60k, tolerance 1e-2": ((30, 60, 3), "linear", 1e-2),
     "300k": ((50, 100, 5), "linear", 1e-3),
+    "300k, tolerance 1e-2": ((50, 100, 5), "linear", 1e-2),
 }
 _PROFILED = "60k"
 _JUDGED = ("60k", "60k, tolerance 1e-2")

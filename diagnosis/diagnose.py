@@ -11,7 +11,6 @@ verdict.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import NamedTuple, TypeVar
 
 import jax
@@ -22,10 +21,11 @@ from jaxtyping import Float
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.effects import SCALE, Effect
 from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans, silent
-from diagnosis.hypothesis import Catalogue, Fitted, Scan, numbers_of
+from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
 from diagnosis.measured import Measured, weights
 from diagnosis.prediction import n_unknowns
 from diagnosis.ridge import along_ridges
+from diagnosis.scan import Scan
 from diagnosis.verdict import PRIOR, Hypothesis, Judgement, judge, probabilities_of
 
 WORTH_PAIRING = 3.0
@@ -113,12 +113,17 @@ def diagnose(
     x = np.asarray(base.x)
     record = np.repeat(np.arange(B), E)
     pairs = np.array([(e, -1) for _ in range(B) for e in range(E)])
-    single = _best_of_starts(batch, record, pairs, x[record], numbers, effects, tell)
-    curved = np.flatnonzero([effect.ridge for effect in effects])
-    if batch.n_sensors == 0 and curved.size:
-        ridges = along_ridges(batch, base, curved, numbers, effects, tell)
-        rows = (np.arange(B)[:, None] * E + curved).ravel()
-        single = jax.tree.map(partial(_replaced, rows=rows), single, ridges)
+    curved = np.flatnonzero([effect.ridge and batch.n_sensors == 0 for effect in effects])
+    free = ~np.isin(pairs[:, 0], curved)
+    parts: list[Fitted] = []
+    if np.any(free):
+        start = x[record[free]]
+        fits = _best_of_starts(batch, record[free], pairs[free], start, numbers, effects, tell)
+        parts.append(fits)
+    if curved.size:
+        parts.append(along_ridges(batch, base, curved, numbers, effects, tell))
+    back = np.argsort(~free, kind="stable").argsort()
+    single = jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
     single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
 
     scan = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
@@ -158,14 +163,12 @@ def _best_of_starts(
     )  # fmt: skip
     better = far.sound & (far.log_evidence > near.log_evidence[again])
 
-    rows = again[better]
-    return jax.tree.map(lambda old, new: _replaced(old, new[better], rows), near, far)
+    def merge(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        merged = first.copy()
+        merged[again[better]] = second[better]
+        return merged
 
-
-def _replaced(old: np.ndarray, new: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    changed = old.copy()
-    changed[rows] = new
-    return changed
+    return jax.tree.map(merge, near, far)
 
 
 T = TypeVar("T", Fitted, Scan)

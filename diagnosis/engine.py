@@ -15,17 +15,10 @@ from jaxtyping import Array, Float, Int
 
 from diagnosis.effects import Effect
 from diagnosis.forcing import forcing_evidence
-from diagnosis.hypothesis import (
-    FITTED,
-    Catalogue,
-    Fitted,
-    Scan,
-    fit_hypothesis,
-    linearise,
-    score_scan,
-)
+from diagnosis.hypothesis import FITTED, Catalogue, Fitted, fit_hypothesis
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
+from diagnosis.scan import Scan, linearise, score_scan
 
 BLOCK = 16
 """Jobs advanced together; more leave a CPU's caches, fewer waste its vectors."""

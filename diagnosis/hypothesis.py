@@ -15,13 +15,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import log_ndtr
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, Beat
 from diagnosis.descent import descend
 from diagnosis.effects import SCALE, Effect, size_of
-from diagnosis.elimination import solve_definite
 from diagnosis.evidence import (
     Posterior,
     Whitened,
@@ -93,18 +91,6 @@ class Catalogue(NamedTuple):
     sd: Float[Array, " e"]
     one_sided: Float[Array, " e"]
     tolerance: Float[Array, " e"]
-
-
-class Linearised(NamedTuple):
-    """The model about an optimum, and what every effect would change there.
-
-    Attributes:
-        linear: residuals and derivatives by the unknowns.
-        effects: derivative by every standardised size, conditions × data × effects.
-    """
-
-    linear: Whitened
-    effects: Float[Array, "c d e"]
 
 
 def numbers_of(effects: Sequence[Effect], prior_scale: float = 1.0) -> Catalogue:
@@ -304,93 +290,6 @@ def by_condition(
         return value, jnp.einsum("cdo,cok->cdk", J, chooser)
 
     return slopes
-
-
-def linearise(
-    measured: Measured,
-    effects: Sequence[Effect],
-    numbers: Catalogue,
-    x: Float[Array, " k"],
-    sizes: Float[Array, " e"],
-) -> Linearised:
-    """The model about an optimum with derivatives by all unknowns and all effects.
-
-    Args:
-        measured: the record.
-        effects: the catalogue (static).
-        numbers: of the catalogue.
-        x: optimum of the base model's unknowns (further ones are ignored).
-        sizes: size of every effect there [its unit].
-    """
-    W, cases = weights(measured), situations(measured)
-    chooser = jnp.asarray(selection(measured.n_conditions, len(effects)))
-    joined = jnp.concatenate([x[: n_unknowns(measured)], sizes])
-
-    def whitened(W: Array, case: Situation, own: Array) -> Array:
-        return W * as_data(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors)
-
-    value, J = by_condition(whitened, W, cases, chooser)(joined)
-    k = n_unknowns(measured)
-    residual = W * data_of(measured) - value
-    linear = Whitened(residual + J[..., :k] @ x[:k], J[..., :k])
-    return Linearised(linear, J[..., k:] * numbers.sd[None, None])
-
-
-class Scan(NamedTuple):
-    """What one Jacobian tells of all effects.
-
-    Attributes:
-        log_B: ln B of adding each effect.
-        size: its expected standardised size.
-        length: |g⊥|, length of its own trace in noise units per standardised size.
-        pair_log_B: ln B of adding two effects, symmetric; the diagonal means nothing.
-    """
-
-    log_B: Float[Array, " e"]
-    size: Float[Array, " e"]
-    length: Float[Array, " e"]
-    pair_log_B: Float[Array, "e e"]
-
-
-def score_scan(found: Linearised, numbers: Catalogue) -> Scan:
-    """Ln B of adding each effect, and every two effects, from one Jacobian.
-
-    With J̃ = [J; I], r̃ = [r; −x] and g the derivatives by standardised sizes,
-
-        g⊥ = g − J̃ (J̃ᵀJ̃)⁻¹ J̃ᵀ g,   Λ = I + g⊥ᵀg⊥,   size = Λ⁻¹ g⊥ᵀr̃,
-        ln B = ½ g⊥ᵀr̃ · size − ½ ln|Λ| + Σ ln E[size²]  (+ ln 2Φ(size/sd) where one-sided)
-
-    of one effect or of two, Λ⁻¹ being the covariance.
-
-    Source: Lagrange-multiplier tests of structural equation models, Sörbom 1989 (Psychometrika
-    54:371); here with Gaussian priors.
-    """
-    (e, J), G = found.linear, found.effects
-    precision = jnp.eye(J.shape[-1]) + jnp.einsum("cdk,cdl->kl", J, J)
-    JG, Je = jnp.einsum("cdk,cde->ke", J, G), jnp.einsum("cdk,cd->k", J, e)
-    solved = solve_definite(precision, JG)
-    # e = r + J x: with the unknowns eliminated g⊥ᵀ r̃ = gᵀe − (JG)ᵀ precision⁻¹ Jᵀe
-    along = jnp.einsum("cde,cd->e", G, e) - solved.T @ Je
-    products = jnp.einsum("cde,cdf->ef", G, G) - JG.T @ solved
-    square = jnp.maximum(jnp.diagonal(products), 0.0)
-    size = along / (1.0 + square)
-    shape = _of_sizes(size, 1.0 / (1.0 + square), numbers.one_sided)
-    log_B = 0.5 * along * size - 0.5 * jnp.log1p(square) + shape
-
-    own, other = 1.0 + square[:, None], 1.0 + square[None, :]
-    cross = products * (1.0 - jnp.eye(square.size))
-    determinant = own * other - cross**2
-    first = (other * along[:, None] - cross * along[None, :]) / determinant
-    sided = jnp.broadcast_to(numbers.one_sided[:, None], cross.shape)
-    shape = _of_sizes(first, other / determinant, sided)
-    gain = 0.5 * along[:, None] * first + shape
-    return Scan(log_B, size, jnp.sqrt(square), gain + gain.T - 0.5 * jnp.log(determinant))
-
-
-def _of_sizes(mean: Array, variance: Array, one_sided: Array) -> Array:
-    """Ln of the factor E[size²], and of the half above zero, of sizes."""
-    half = one_sided * (jnp.log(2.0) + log_ndtr(mean / jnp.sqrt(variance)))
-    return half + log_moment(mean, variance, one_sided)
 
 
 def _form_columns(

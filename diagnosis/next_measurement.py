@@ -22,9 +22,10 @@ from jaxtyping import Array, Float
 from diagnosis.circuit import SAMPLES
 from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import Effect
-from diagnosis.hypothesis import Linearised, linearise, numbers_of
+from diagnosis.hypothesis import numbers_of
 from diagnosis.measured import OFFSET_SD_MMHG, Measured
 from diagnosis.prediction import n_unknowns
+from diagnosis.scan import Linearised, linearise
 
 ALIKE = 0.9
 """|cosine| from which two effects count as aliases."""

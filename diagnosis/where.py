@@ -24,8 +24,9 @@ from diagnosis.circuit import FORCED, FROM_SAMPLES, HARMONICS, PHASE, TO_SAMPLES
 from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PLACES
 from diagnosis.engine import base_start, run_fits
-from diagnosis.hypothesis import Fitted, linearise, numbers_of
+from diagnosis.hypothesis import Fitted, numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights
+from diagnosis.scan import linearise
 from diagnosis.verdict import Hypothesis
 
 PHASES = {

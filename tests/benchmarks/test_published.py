@@ -15,6 +15,9 @@ def test_withheld_effects_of_published_data_are_found(shared_data):
     for row in found["rows"]:
         assert row["right"] or row["what"].startswith(published.SHOWN), row
     assert found["passed"]
+    for artery in published.SHOWN:
+        (_, best, *_) = [row for row in found["rows"] if row["what"].startswith(artery)]
+        assert "wall" in best["what"], best
     assert json.loads(json.dumps(found)) == found  # as the command writes it
 
 

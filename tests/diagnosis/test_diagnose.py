@@ -6,8 +6,9 @@ from diagnosis import CATALOGUE, diagnose, find_effect, measured, noise_of, stac
 from diagnosis.cohort import pool
 from diagnosis.evidence import Whitened, log_moment, posterior, smooth_scale
 from diagnosis.forcing import ALIKE, AMPLITUDES_MMHG, HARMONICS, LENGTHS, forcing_mixture
-from diagnosis.hypothesis import form_uncertainty, linearise, numbers_of, score_scan
+from diagnosis.hypothesis import form_uncertainty, numbers_of
 from diagnosis.next_measurement import aliases, isolability, next_measurements
+from diagnosis.scan import linearise, score_scan
 from diagnosis.shrink import fitted_gap, held_out_gap
 from diagnosis.where import forcing_shares, joint_map, place_probabilities, rest_map
 from tests.diagnosis.records import NAMES, synthetic

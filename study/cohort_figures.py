@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from study.cohort_results import FIXED_0D
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
+from study.numerals import signed
 from study.pipeline import CALIBRATED, FIXED
-from study.report import signed
 
 Document = Mapping[str, Any]
 

@@ -145,18 +145,21 @@ def waveforms(document: Document) -> str:
 
 def ladder(document: Document) -> str:
     """The gap of held-out conditions: base model, with the cause, noise floor."""
-    rows = [h for h in document["gap"]["held_out"] if h["P_distal_rms_mmHg"] or h["ffr_error"]]
+    labels = {
+        "P_distal_rms_mmHg": "distal pressure, rms [mmHg]",
+        "ffr_error": "error of FFR [-]",
+    }
+    held_out = document["gap"]["held_out"]
+    kinds = [kind for kind in labels if any(h[kind] for h in held_out)]
+    rows = [h for h in held_out if any(h[kind] for kind in kinds)]
     if not rows:
         return ""
-    kinds = (
-        ("P_distal_rms_mmHg", "distal pressure, rms [mmHg]"),
-        ("ffr_error", "error of FFR [-]"),
-    )
     steps = (("before", RED, "base model"), ("after", COLOURS[0], "after the diagnosis"),
              ("noise_floor", GREY, "noise"))  # fmt: skip
     with rc_context(STYLE):
         figure = Figure(figsize=(8.2, 0.8 * len(rows) + 1.2), layout="constrained")
-        for axes, (kind, label) in zip(figure.subplots(1, 2), kinds, strict=True):
+        grid = figure.subplots(1, len(kinds), squeeze=False).reshape(-1)
+        for axes, kind in zip(grid, kinds, strict=True):
             digits = ".2f" if kind.startswith("P_") else ".3f"
             for k, row in enumerate(rows):
                 for s, (step, colour, _) in enumerate(steps):
@@ -168,7 +171,7 @@ def ladder(document: Document) -> str:
             axes.set_yticks(range(len(rows)), [r["condition"].replace("_", " ") for r in rows])
             axes.invert_yaxis()
             axes.margins(x=0.18)
-            axes.set_xlabel(label)
+            axes.set_xlabel(labels[kind])
             axes.grid(visible=False, axis="y")
         from_steps = [figure.axes[0].barh(0, 0, color=c, label=text) for _, c, text in steps]
         figure.legend(handles=from_steps, loc="outside upper right", ncols=3)

@@ -19,7 +19,7 @@ from diagnosis.where import (
     place_probabilities,
     rest_map,
 )
-from study.diagnosis_words import sentence, to_do
+from study.diagnosis_words import sentence, size_of, to_do
 
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE = "plan.json"
@@ -122,7 +122,7 @@ def _effect(diagnosis: Diagnosis, name: str) -> Document:
         "sd": sd,
         "unit": effect.unit,
         "equation": effect.equation,
-        "sentence": f"{effect.sentence} ({size:.3g} ± {sd:.2g} {effect.unit})",
+        "sentence": f"{effect.sentence} ({size_of(effect, size, sd)})",
         "settled_by": effect.settled_by,
         "log_bayes_factor": diagnosis.log_B[(name,)],
         "score_scan": diagnosis.scan[name],

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 
-from diagnosis import Diagnosis, find_effect
+from diagnosis import Diagnosis, Effect, find_effect
 from diagnosis.next_measurement import next_measurements
 from diagnosis.shrink import held_out_gap
 from diagnosis.verdict import NO_GAP
 from diagnosis.where import forcing_shares
+from study.numerals import with_sd
 
 LISTED, MOST_LISTED = 0.05, 5
 """Probability from which a cause of an ambiguous set is listed, and how many are."""
@@ -118,6 +119,11 @@ def doubts(probabilities: Mapping[str, float]) -> list[str]:
     ]
 
 
+def size_of(effect: Effect, size: float, sd: float) -> str:
+    """The size of an effect with its standard deviation and unit."""
+    return with_sd(size, sd) + ("" if effect.unit == "-" else f" {effect.unit}")
+
+
 def _additions(diagnosis: Diagnosis) -> list[str]:
     best = diagnosis.judgement.best
     steps = []
@@ -128,10 +134,8 @@ def _additions(diagnosis: Diagnosis) -> list[str]:
         size = float(fitted.sizes[[e.id for e in diagnosis.effects].index(name)])
         sd = float(fitted.size_sd[h.index(name)])
         verb = "Correct the record for" if effect.place == "sensor" else "Add to the model:"
-        unit = "" if effect.unit == "-" else f" {effect.unit}"
-        steps.append(
-            f"{verb} {_plain(name)}, {size:.2g} ± {sd:.1g}{unit}. To be sure: {effect.settled_by}."
-        )
+        stated = size_of(effect, size, sd)
+        steps.append(f"{verb} {_plain(name)}, {stated}. To be sure: {effect.settled_by}.")
     return steps
 
 

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from study.figures import NAMES, figures
 from study.mesh_figures import mesh_figures
+from study.numerals import signed, significant, span, with_sd
 from study.pipeline import CALIBRATED, FIXED
 from study.results import ratio_name
 from study.simulation_figures import simulation_figures
@@ -68,7 +69,7 @@ def rendered(name: str, **values: Any) -> str:
         lstrip_blocks=True,
         loader=jinja2.FunctionLoader(lambda part: (folder / part).read_text("utf-8")),
     )
-    environment.filters |= {"sig": significant, "span": span, "signed": signed}
+    environment.filters |= {"sig": significant, "span": span, "signed": signed, "with_sd": with_sd}
     return environment.get_template(name).render(**values)
 
 
@@ -166,19 +167,3 @@ def top_sensitivities(document: Document) -> list[dict[str, Any]]:
 
 def _setting(entry: Mapping[str, Any]) -> dict[str, Any]:
     return {key: entry[key] for key in ("condition", "law", "rule", "boundary")}
-
-
-def significant(value: float | None, digits: int = 3) -> str:
-    """A number with so many significant digits; a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}g}"
-
-
-def signed(value: float, decimals: int = 2) -> str:
-    """A number with its sign, a true minus, and no sign on zero."""
-    text = f"{value:+.{decimals}f}"
-    return text.lstrip("+-") if float(text) == 0.0 else text.replace("-", "−")
-
-
-def span(values: list[float], digits: int = 3) -> str:
-    """Two numbers as a range."""
-    return f"{values[0]:.{digits}g} to {values[1]:.{digits}g}"

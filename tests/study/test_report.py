@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from study.report import html_report, signed
+from study.report import html_report
 from study.results import load_document
 from study.summary import summary
 
@@ -90,10 +90,3 @@ def test_report_without_anatomy_and_stress(demo):
     page = html_report(document)
     assert page.count("<svg") == 3
     assert "Lumen and its resistance" not in page
-
-
-@pytest.mark.parametrize(
-    ("value", "text"), [(0.5, "+0.50"), (-0.5, "−0.50"), (0.001, "0.00"), (-0.001, "0.00")]
-)
-def test_signed_numbers(value, text):
-    assert signed(value) == text

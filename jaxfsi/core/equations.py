@@ -38,6 +38,7 @@ from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, FlowPort, HeldPort, PressurePort, VelocityPort
 from jaxfsi.core.solid import Wall, solid_residual
 from jaxfsi.core.state import State
+from jaxfsi.core.tissue import tissue_force
 from lumped.parameters import Parameter
 from lumped.views import implicit_step
 
@@ -248,16 +249,8 @@ def _port_load(
     return load
 
 
-def outer_share(model: Model) -> Float[Array, " nodes"]:
-    """Area of the outer surface that belongs to each node [cm²]."""
-    area = jnp.sqrt(jnp.sum(area_vectors(model.x, model.outer_faces) ** 2, axis=0))
-    share = jnp.tile(area / 3.0, 3)
-    zero = jnp.zeros(model.n_nodes, share.dtype)
-    return zero.at[model.outer_faces.reshape(-1)].add(share)
-
-
 def _support(
     u: Float[Array, "3 nodes"], d: Float[Array, "3 nodes"], wall: Wall, model: Model
 ) -> Float[Array, "3 nodes"]:
     """Forces with which the wall pushes the tissue outside [dyn]."""
-    return outer_share(model) * (wall.support_stiffness * d + wall.support_damping * u)
+    return tissue_force(wall.support_stiffness * d + wall.support_damping * u, model)

@@ -110,5 +110,5 @@ def _march(model: Model, state: State, stepper: Stepper, n_steps: int, recompute
 
     outside = jax.checkpoint(group) if recompute else group
     (state, done, result, _), history = jax.lax.scan(outside, start, index)
-    history = jax.tree.map(lambda h: h.reshape(-1, *h.shape[2:])[:n_steps], history)
+    history = jax.tree.map(lambda h: h.reshape(outer * inner, *h.shape[2:])[:n_steps], history)
     return March(state, history, done, result)

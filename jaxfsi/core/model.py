@@ -59,6 +59,7 @@ class Model(eqx.Module):
         port_faces: triangles of each port.
         port_edges: unknowns of the edges opposite to their corners, where they bow; else None.
         outer_faces: triangles that the tissue outside supports.
+        outer_edges: unknowns of the edges opposite to their corners, where they bow; else None.
         bowed: where blood touches edges of the wall that bow; None where there are none.
         names: of the ports (static).
         n_vertices: vertices of the mesh, which come before other nodes (static).
@@ -80,6 +81,7 @@ class Model(eqx.Module):
     port_faces: tuple[Int[Array, "3 _"], ...]
     port_edges: tuple[Int[Array, "3 _"] | None, ...]
     outer_faces: Int[Array, "3 outer"]
+    outer_edges: Int[Array, "3 outer"] | None
     bowed: BowedInterface | None
     names: tuple[str, ...] = eqx.field(static=True)
     n_vertices: int = eqx.field(static=True)
@@ -179,6 +181,7 @@ def build_model(
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
         port_edges=tuple(_port_edges(mesh, name, element) for name in ports),
         outer_faces=jnp.asarray(outer.T, jnp.int32),
+        outer_edges=_bowed_edges(outer, element),
         bowed=_bowed(mesh, element) if len(fluid) else None,
         names=tuple(ports),
         n_vertices=n_nodes,
@@ -199,20 +202,25 @@ def _wall_elements(
 
 def _bowed(mesh: Mesh, element: AbstractWallElement) -> BowedInterface | None:
     """The interface where edges of the wall bow."""
-    if not isinstance(element, QuadraticElement):
-        return None
-    faces = mesh.labelled(INTERFACE).T
-    edges = edges_of_faces(element, faces)
-    return BowedInterface(jnp.asarray(faces, jnp.int32), jnp.asarray(edges, jnp.int32))
+    faces = mesh.labelled(INTERFACE)
+    edges = _bowed_edges(faces, element)
+    return None if edges is None else BowedInterface(jnp.asarray(faces.T, jnp.int32), edges)
 
 
 def _port_edges(
     mesh: Mesh, name: str, element: AbstractWallElement
 ) -> Int[Array, "3 faces"] | None:
     """Edges that bow of a labelled surface; None at an opening of the blood."""
-    if name in mesh.openings or not isinstance(element, QuadraticElement):
+    return None if name in mesh.openings else _bowed_edges(mesh.labelled(name), element)
+
+
+def _bowed_edges(
+    faces: Int[np.ndarray, "faces 3"], element: AbstractWallElement
+) -> Int[Array, "3 faces"] | None:
+    """Edges that bow opposite to the corners of faces; None where none do."""
+    if not isinstance(element, QuadraticElement):
         return None
-    return jnp.asarray(edges_of_faces(element, mesh.labelled(name).T), jnp.int32)
+    return jnp.asarray(edges_of_faces(element, faces.T), jnp.int32)
 
 
 def _among(

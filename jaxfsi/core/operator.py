@@ -42,12 +42,13 @@ from jaxfsi.core.elements import (
     total,
     vector_corners,
 )
-from jaxfsi.core.equations import BACKFLOW, Step, Unknowns, midpoint, outer_share
+from jaxfsi.core.equations import BACKFLOW, Step, Unknowns, midpoint
 from jaxfsi.core.fluid import velocity_gradient
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import HeldPort
 from jaxfsi.core.stencil import Pattern, Values, apply, assemble, pattern
+from jaxfsi.core.tissue import tissue_force
 from jaxfsi.core.wall_elements import Weights
 from jaxfsi.core.wall_tangent import WallTangent, apply_wall, wall_tangent
 
@@ -294,7 +295,7 @@ def _closed(
         _, w_u, w_d = method.weights(step.dt)
         r_u = r_u + apply_wall(tangent.wall, v.u, model.element, step.solid_shape)
         support = w_d * model.wall.support_stiffness + w_u * model.wall.support_damping
-        r_u = r_u + support * outer_share(model) * v.u
+        r_u = r_u + tissue_force(support * v.u, model)
     if model.bowed is not None:
         _, w_u, _ = method.weights(step.dt)
         r_u = r_u - w_u * bowed_load(v.p, step.x, model.bowed)

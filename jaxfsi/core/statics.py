@@ -6,7 +6,8 @@
 
 over the deformed faces, with dead forces f. Newton's method with the tangent and GMRES,
 preconditioned by the wall's factor at the reference shape; the load is raised in steps. The
-derivative is that of the equilibrium (implicit function theorem).
+derivative is that of the equilibrium (implicit function theorem); not a number where `max_linear`
+iterations do not solve its system.
 """
 
 from typing import NamedTuple
@@ -20,11 +21,11 @@ from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.bowed_interface import BowedInterface, bowed_load
 from jaxfsi.core.elements import geometry
-from jaxfsi.core.equations import outer_share
 from jaxfsi.core.krylov import fgmres
 from jaxfsi.core.model import Model
 from jaxfsi.core.quadratic import QuadraticElement, edges_of_faces
 from jaxfsi.core.solid import solid_residual
+from jaxfsi.core.tissue import tissue_force
 from jaxfsi.core.wall_blocks import vertex_block
 from jaxfsi.core.wall_elements import Weights
 from jaxfsi.core.wall_factor import WallFactor, wall_factor, wall_solve, wall_solve_transposed
@@ -36,6 +37,11 @@ Field = Float[Array, "3 nodes"]
 
 STATIC = Weights(0.0, 0.0, 1.0)
 """The unknown of an equilibrium is the displacement."""
+
+NO_WALL = "the model has no wall, so that nothing can be in equilibrium; give one"
+
+DERIVATIVE = 1e-10
+"""To what part of its right-hand side a system of derivatives is solved."""
 
 
 class RESULTS(eqx.Enumeration):
@@ -108,8 +114,10 @@ def pressure_load(
         model: the model.
 
     Raises:
-        ValueError: the surface is not one of the wall.
+        ValueError: the model has no wall, or the surface is not one of it.
     """
+    if model.wall is None:
+        raise ValueError(NO_WALL)
     faces = np.asarray(mesh.labelled(label))
     sides = tet_faces(np.asarray(model.solid_tets, np.int64).T).reshape(-1, 3)
     ours, theirs = np.sort(sides, axis=1), np.sort(faces, axis=1)
@@ -137,10 +145,11 @@ def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
         ValueError: the model has no wall, or it is not held.
     """
     if model.wall is None:
-        raise ValueError("the model has no wall, so that nothing can be in equilibrium; give one")
+        raise ValueError(NO_WALL)
     A = vertex_block(model, STATIC).tolil()
-    support = np.repeat(np.asarray(outer_share(model) * model.wall.support_stiffness), 3)
-    A.setdiag(A.diagonal() + support)
+    everywhere = jnp.zeros_like(model.x).at[:, : model.n_vertices].set(1.0)
+    support = tissue_force(model.wall.support_stiffness * everywhere, model)
+    A.setdiag(A.diagonal() + np.asarray(support).T.ravel())
     return wall_factor(sp.csr_matrix(A), model, STATIC, dtype=dtype)
 
 
@@ -186,8 +195,11 @@ def equilibrium(
         throw: raise where no equilibrium is found; otherwise the result says so.
 
     Raises:
+        ValueError: the model has no wall.
         RuntimeError: no equilibrium was found and `throw` is set.
     """
+    if model.wall is None:
+        raise ValueError(NO_WALL)
     options = (n_load_steps, tolerance, max_newton, max_linear)
     end = _equilibrium(model, loads, factor, options)
     if throw and not is_traced(end.residual) and end.result != RESULTS.successful:
@@ -213,7 +225,7 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
     def out_of_balance(flat, scale):
         d = flat.reshape(3, -1)
         r = solid_residual(zero, zero, d, model.wall, model.element, shape, model.prestress)
-        r = r + outer_share(model) * model.wall.support_stiffness * d
+        r = r + tissue_force(model.wall.support_stiffness * d, model)
         r = r - scale * load_forces(loads, d, model)
         return jnp.where(free, r, d).reshape(-1)
 
@@ -225,7 +237,7 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         def product(flat):
             v = flat.reshape(3, -1)
             r = apply_wall(about, v, model.element, shape)
-            r = r + outer_share(model) * model.wall.support_stiffness * v
+            r = r + tissue_force(model.wall.support_stiffness * v, model)
             return jnp.where(free, r - scale * load_change(v), v).reshape(-1)
 
         return product
@@ -277,12 +289,18 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         d, (k, n, left) = jax.lax.scan(one, (start, (none, none, jnp.zeros(()))), scales)[0]
         return d, jnp.stack([k.astype(float), n.astype(float), left])  # derivatives need floats
 
+    def solved(matvec, b, inverse):
+        """Solution of a system of derivatives; not a number where it was not found."""
+        found = linear_solve(matvec, b, inverse, DERIVATIVE)
+        good = found.residual <= 10.0 * DERIVATIVE * jnp.linalg.norm(b)
+        return jnp.where(good, found.x, jnp.nan)
+
     def tangent_solve(matvec, b):
         return jax.lax.custom_linear_solve(
             matvec,
             b,
-            lambda A, b: linear_solve(A, b, approximate(wall_solve), 1e-10).x,
-            lambda A, b: linear_solve(A, b, approximate(wall_solve_transposed), 1e-10).x,
+            lambda A, b: solved(A, b, approximate(wall_solve)),
+            lambda A, b: solved(A, b, approximate(wall_solve_transposed)),
         )
 
     flat, report = jax.lax.custom_root(

@@ -5,10 +5,12 @@ import jax
 import jax.numpy as jnp
 import pytest
 
+from jaxfsi.core.march import march
 from jaxfsi.core.materials import NeoHookean
 from jaxfsi.core.model import build_model
 from jaxfsi.core.prestress import prestressed
 from jaxfsi.core.solid import Wall
+from jaxfsi.core.state import initial_state
 from jaxfsi.core.statics import (
     RESULTS,
     Loads,
@@ -16,6 +18,7 @@ from jaxfsi.core.statics import (
     pressure_load,
     static_factor,
 )
+from jaxfsi.core.stepper import prepare
 from jaxfsi.mesh import INTERFACE
 from jaxfsi.meshing import ring
 from jaxfsi.verification import (
@@ -91,6 +94,13 @@ def test_prestressed_wall_carries_its_pressure_undeformed(vessel):
     assert hoop > 1.333e5
 
 
+def test_a_wall_alone_marches_without_ports(vessel):
+    model, _, _ = vessel
+    end = march(model, initial_state(model), prepare(1e-4, model), 2)
+    assert end.history.P_port.shape == (2, 0)
+    assert float(jnp.max(jnp.abs(end.state.d))) == 0.0
+
+
 def test_failure_is_reported_with_a_cure(vessel):
     model, loads, factor = vessel
     options = {"max_newton": 1, "tolerance": 1e-11}
@@ -98,6 +108,31 @@ def test_failure_is_reported_with_a_cure(vessel):
     assert end.result == RESULTS.not_converged
     with pytest.raises(RuntimeError, match="more steps"):
         equilibrium(model, loads, factor, **options)
+
+
+def test_derivatives_that_were_not_solved_for_are_no_numbers(vessel):
+    model, loads, factor = vessel
+
+    def widened(E, max_linear):
+        softer = eqx.tree_at(lambda m: m.wall.material.E, model, E)
+        return jnp.sum(equilibrium(softer, loads, factor, max_linear=max_linear, max_newton=60).d)
+
+    value, slope = jax.value_and_grad(widened)(jnp.asarray(3e6), 4)
+    assert jnp.isfinite(value)
+    assert jnp.isnan(slope)
+
+
+def test_a_model_without_a_wall_is_refused(vessel):
+    model, loads, factor = vessel
+    blood = eqx.tree_at(lambda m: m.wall, model, None, is_leaf=lambda x: x is None)
+    mesh = ring(radius=0.2, length=0.4, thickness=0.04, n_around=12, n_axial=4, n_layers=1)
+    for call in (
+        lambda: equilibrium(blood, loads, factor),
+        lambda: pressure_load(mesh, INTERFACE, 1.0, blood),
+        lambda: static_factor(blood),
+    ):
+        with pytest.raises(ValueError, match="no wall"):
+            call()
 
 
 def test_loads_that_are_not_on_the_wall_are_refused(vessel):

@@ -92,7 +92,8 @@ examples:
 needs an anatomy and the cardiac output. Writes fields/fields.pvd (open it in ParaView, also while
 the run goes on; Warp By Vector with displacement_cm moves the points), history.csv, shear.vtu,
 simulation.json and simulation.html. A run that was ended goes on when the same command is given
-again (its input is compared by hash); --restart forgets it. Ctrl-C keeps all that was computed.
+again (its input is compared by hash); --restart starts anew and moves the files of the earlier run
+to the sub-folder earlier-1 (then earlier-2, ...). Ctrl-C keeps all whole chunks of ten steps.
 """,
     ),
     "study": (
@@ -284,7 +285,9 @@ def _simulation_arguments(command: argparse.ArgumentParser) -> None:
         help="of the anomalous outlet; by default tuned",
     )
     command.add_argument(
-        "--restart", action="store_true", help="forget an earlier run in the folder"
+        "--restart",
+        action="store_true",
+        help="start anew; files of an earlier run in the folder move to earlier-1, earlier-2, ...",
     )
 
 

@@ -21,9 +21,11 @@ from study.case import Case, read_case, require
 from study.case_anatomy import MeshAnatomy
 from study.cohort_command import cohort_command
 from study.demo import demo_case_path, demo_cohort_path
+from study.earlier_run import can_go_on, set_aside
 from study.faults import CaseError, Fault
 from study.folder_lock import at_work
 from study.mesh_case import (
+    chosen_state,
     chosen_states,
     coarse,
     coarse_mesh,
@@ -66,7 +68,7 @@ from study.simulation_results import (
     simulation_document,
     write_pictures,
 )
-from study.simulation_run import STEP_NAME, clear_run, run_simulation
+from study.simulation_run import STEP_NAME, run_simulation
 from study.stored_page import page_name, stored_page
 from study.study_command import study_case, study_choice
 from study.summary import summary
@@ -179,7 +181,7 @@ def _simulate(options: argparse.Namespace) -> None:
     check_simulation(case, options.condition, rigid=options.rigid, dt=options.dt)
     if options.preset is not None:
         case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
-    state = chosen_states(case, None if options.state is None else [options.state])[0]
+    state = chosen_state(case, options.state)
     with Progress() as progress:
         progress.plan(
             {
@@ -195,8 +197,10 @@ def _simulate(options: argparse.Namespace) -> None:
         setup = prepare_simulation(
             case, mesh, options.condition, schedule, rigid=options.rigid, alpha=options.alpha
         )
-        if options.restart:
-            clear_run(folder)
+        if options.restart or not can_go_on(folder):
+            aside = set_aside(folder)
+            if aside is not None:
+                print(f"moved the earlier run to {aside}", file=sys.stderr)
         progress.step(STEP_NAME)
         outcome = run_simulation(case, setup, folder, progress)
         progress.step("drawing")
@@ -222,11 +226,17 @@ def _simulate(options: argparse.Namespace) -> None:
             {SIMULATION_PAGE: page, SIMULATION_FILE: to_json(document)},
         )
     _show(options, document, written)
-    again = "Give the same command again to go on; --restart starts anew."
     if outcome.interrupted:
-        raise KeyboardInterrupt(f"interrupted; what was computed is in {folder}. {again}")
+        raise KeyboardInterrupt(
+            f"interrupted; all whole chunks that were computed are in {folder}. "
+            "Give the same command again to go on; --restart starts anew."
+        )
     if outcome.failure:
-        raise RuntimeError(f"{outcome.failure} What was computed before is in {folder}.")
+        kept = f" What was computed before is in {folder}." if outcome.record.n_steps else ""
+        raise RuntimeError(
+            f"{outcome.failure}{kept}\n"
+            "    try: a smaller step with --dt; check alpha and the pressures of the case"
+        )
 
 
 def _study(options: argparse.Namespace) -> None:

@@ -18,6 +18,7 @@ from jaxfsi.simulation import Record
 from lumped import ML_PER_MIN, MMHG
 from study.aortic_site import cycle_offsets, site_pressures
 from study.case import Case
+from study.earlier_run import clear_run
 from study.progress import Progress
 from study.simulation_case import (
     ANOMALOUS,
@@ -28,7 +29,7 @@ from study.simulation_case import (
 )
 from study.simulation_pictures import inlet_of
 from study.simulation_results import cycle_means
-from study.simulation_run import FIELD_FOLDER, Outcome, clear_run, run_simulation
+from study.simulation_run import FIELD_FOLDER, Outcome, run_simulation
 from study.stages import Stages, stage_key
 
 RUN_FOLDER = "runs"

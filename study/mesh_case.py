@@ -65,11 +65,29 @@ def chosen_states(case: Case, names: Sequence[str] | None) -> list[str]:
         return list(known)
     unknown = [name for name in names if name not in known]
     if unknown:
-        close = nearest(unknown[0], known)
-        cure = f"write --state {close}" if close else f"choose from {', '.join(known)}, or all"
-        problem = f"there is no state {unknown[0]!r} to mesh"
-        raise CaseError([Fault(case.path, "", None, problem, ", ".join(known), cure)])
+        raise CaseError([_unknown_state(case, unknown[0], "to mesh", ", or all")])
     return list(dict.fromkeys(names))
+
+
+def chosen_state(case: Case, name: str | None) -> str:
+    """The one state of a run: the first where none is named.
+
+    Raises:
+        CaseError: the case has no such state.
+    """
+    known = states_of(case)
+    if name is None:
+        return known[0]
+    if name not in known:
+        raise CaseError([_unknown_state(case, name, "to run; a run takes one state", "")])
+    return name
+
+
+def _unknown_state(case: Case, name: str, purpose: str, more: str) -> Fault:
+    known = states_of(case)
+    close, names = nearest(name, known), ", ".join(known)
+    cure = f"write --state {close}" if close else f"choose from {names}{more}"
+    return Fault(case.path, "", None, f"there is no state {name!r} {purpose}", names, cure)
 
 
 def coarse(case: Case) -> Case:

@@ -2,10 +2,11 @@
 
 The folder holds ``fields/`` (frames many times a cycle), ``history.csv``, ``checkpoint.npz`` and,
 at the end, ``shear.vtu``. The same command in the same folder goes on from the checkpoint; another
-input refuses it.
+input refuses it, and so does a run that is shorter than what is there.
 """
 
 import dataclasses
+import math
 import pathlib
 import time
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from jaxfsi.simulation import (
     ShearCycle,
     ShearMeans,
     SimulationError,
+    SimulationInterrupted,
     SolverChoice,
     StepControl,
     simulate,
@@ -78,13 +80,6 @@ class Outcome(NamedTuple):
     state: State | None = None
 
 
-def clear_run(folder: pathlib.Path) -> None:
-    """Forget an earlier run in a folder."""
-    (folder / CHECKPOINT_FILE).unlink(missing_ok=True)
-    for path in (folder / FIELD_FOLDER).glob("fields*"):
-        path.unlink()
-
-
 def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Progress) -> Outcome:
     """Run a model to its end, or to the step that fails, or until the user interrupts it.
 
@@ -95,13 +90,16 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
         progress: told of each chunk.
 
     Raises:
-        CaseError: the folder holds a run of another input.
+        CaseError: the folder holds a run of another input, a longer one, or a damaged checkpoint;
+            nothing was written.
+        KeyboardInterrupt: the user interrupted it before a step was done.
     """
     folder.mkdir(parents=True, exist_ok=True)
     options, plan = case.solver, setup.schedule
     shear = ShearCycle(setup.mesh, every=plan.per_frame, period=plan.period)
     series = FieldSeries(folder / FIELD_FOLDER, setup.mesh, every=plan.per_frame)
     watch = _Watch(setup, folder, progress)
+    checkpoint = folder / CHECKPOINT_FILE
     choice = SolverChoice(max_nonlinear=MOST_SYSTEMS, rho_infinity=DAMPING)
     if options.tolerance is not None:
         choice = dataclasses.replace(choice, tolerance=options.tolerance)
@@ -121,7 +119,7 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
             control=control,
             solver=choice,
             observers=[series, shear],
-            checkpoint=folder / CHECKPOINT_FILE,
+            checkpoint=checkpoint,
             checkpoint_every=options.checkpoint_every or CHECKPOINT_EVERY,
             glimpse=watch.look,
         )
@@ -131,19 +129,29 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
     except SimulationError as error:
         kept = error.simulation
         found = Outcome(kept.record, kept.events, kept.resumed_from, shear.means(), 0.0, str(error))
-    except KeyboardInterrupt:
-        if watch.record is None:
-            raise
-        found = Outcome(watch.record, [], None, shear.means(), 0.0, interrupted=True)
+    except SimulationInterrupted as stop:
+        kept = stop.simulation
+        if not kept.record.n_steps:
+            raise KeyboardInterrupt("interrupted before the first steps were done") from None
+        found = Outcome(
+            *(kept.record, kept.events, kept.resumed_from, shear.means(), 0.0), interrupted=True
+        )
     except CheckpointError as error:
-        cure = "name another folder with --out, or forget the earlier run with --restart"
-        path = folder / CHECKPOINT_FILE
-        problem = str(error).removeprefix(f"{path} ").split(". ")[0]
-        raise CaseError([Fault(path, "", None, problem, "", cure)]) from error
+        raise CaseError([_refusal(checkpoint, error, plan)]) from error
     if found.record.n_steps:
         write_csv(folder / HISTORY_FILE, found.record, setup.model.names)
     shear.write(folder / SHEAR_FILE)
     return found._replace(seconds=time.monotonic() - start)
+
+
+def _refusal(path: pathlib.Path, error: CheckpointError, plan: Schedule) -> Fault:
+    """Why the checkpoint of a folder cannot be used, in the words of the command line."""
+    cure = "name another folder with --out, or start anew with --restart"
+    if error.n_steps is not None:
+        # rounded up, so that the number asks for all the steps
+        cycles = math.ceil(round(error.n_steps / plan.per_cycle * 1e4, 6)) / 1e4
+        cure = f"ask for at least as much (--cycles {cycles:g}), {cure}"
+    return Fault(path, "", None, error.problem, "", cure)
 
 
 class _Watch:
@@ -153,12 +161,10 @@ class _Watch:
         self._setup, self._folder, self._progress = setup, folder, progress
         self._begun: tuple[float, float] | None = None
         self._written = time.monotonic()
-        self.record: Record | None = None
 
     def look(self, glimpse: Glimpse) -> None:
         """Take notice of a chunk."""
         now = time.monotonic()
-        self.record = glimpse.record
         if self._begun is None:  # the first chunk compiles
             self._begun = (now, glimpse.step)
         begun, step = self._begun

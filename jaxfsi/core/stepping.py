@@ -23,8 +23,8 @@ class RESULTS(eqx.Enumeration):
 
     successful = ""
     not_converged = (
-        "The equations of a step were not solved to the tolerance. Take a smaller dt, or more"
-        " iterations."
+        "The equations of a step were not solved to the tolerance. Take a smaller dt; check the"
+        " pressures and resistances at the openings."
     )
     inverted = (
         "An element of the blood's mesh has turned inside out. Take a smaller dt, a finer mesh"

@@ -17,6 +17,8 @@ _LEVEL = 1  # most of the gain for a fraction of the time
 _TETRA = 10
 _TRIANGLE = 5
 _ONE_TUPLE = ' NumberOfTuples="1"'
+_DATA_MARK = b'<AppendedData encoding="raw">\n_'
+_HEAD_SIZE = 1 << 16  # holds the head of a frame and its first block, the time
 _TYPES = {"f4": "Float32", "f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 
 Fields = Mapping[str, np.ndarray]
@@ -96,6 +98,25 @@ class Grid:
         head += ["</Piece>", "</UnstructuredGrid>", '<AppendedData encoding="raw">', "_"]
         tail = "\n</AppendedData>\n</VTKFile>\n"
         write_whole(path, "\n".join(head).encode() + b"".join(blocks) + tail.encode())
+
+
+def read_time(path: pathlib.Path) -> float:
+    """The time of a frame that `Grid` wrote [s], exactly as it was given.
+
+    Raises:
+        ValueError: the file is no such frame.
+    """
+    with path.open("rb") as file:
+        content = file.read(_HEAD_SIZE)
+    begin = content.find(_DATA_MARK)
+    try:
+        if begin < 0:
+            raise ValueError("it has no appended data")
+        at = begin + len(_DATA_MARK)
+        size = int(np.frombuffer(content, "<u8", 4, at)[3])
+        return float(np.frombuffer(zlib.decompress(content[at + 32 : at + 32 + size]), "<f8", 1)[0])
+    except (ValueError, zlib.error) as error:
+        raise ValueError(f"{path} is no frame: {error}. Remove it, or write it again.") from None
 
 
 def write_whole(path: pathlib.Path, content: bytes, *, lasting: bool = False) -> None:

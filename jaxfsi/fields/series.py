@@ -9,7 +9,7 @@ import re
 import xml.etree.ElementTree as ET
 from typing import NamedTuple
 
-from jaxfsi.fields.frame import write_whole
+from jaxfsi.fields.frame import read_time, write_whole
 
 _STEP = re.compile(r"_(\d+)\.[a-z]+$")
 
@@ -35,6 +35,22 @@ class Entry(NamedTuple):
 def frame_name(stem: str, step: int, suffix: str = "vtu") -> str:
     """Name of the file of a step."""
     return f"{stem}_{step:07d}.{suffix}"
+
+
+def find_frames(folder: pathlib.Path, stem: str, suffix: str = "vtu") -> list[Entry]:
+    """The frames that lie in a folder, by step, with the time that each holds.
+
+    A file that is no frame of ours is left out.
+    """
+    found = []
+    for path in folder.glob(f"{stem}_*.{suffix}"):
+        entry = Entry(0.0, path.name)
+        if path.name == frame_name(stem, entry.step, suffix):
+            try:
+                found.append(Entry(read_time(path), path.name))
+            except ValueError:
+                continue
+    return sorted(found, key=lambda entry: entry.step)
 
 
 def write_series(path: pathlib.Path, entries: list[Entry]) -> None:

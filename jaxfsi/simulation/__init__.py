@@ -16,6 +16,7 @@ from jaxfsi.simulation.simulation import (
     Glimpse,
     Simulation,
     SimulationError,
+    SimulationInterrupted,
     SolverChoice,
     simulate,
 )

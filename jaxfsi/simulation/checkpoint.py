@@ -2,7 +2,7 @@
 
 One npz file, written under a temporary name, brought to the disk, then renamed: there is always a
 whole one. It holds the hash of the model and of the choices of the run; a run with other input
-refuses it.
+refuses it, and so does one that finds an array missing or of another shape.
 """
 
 import hashlib
@@ -10,6 +10,7 @@ import io
 import json
 import pathlib
 import zipfile
+import zlib
 from typing import Any, NamedTuple
 
 import jax
@@ -24,9 +25,22 @@ from jaxfsi.simulation.step_control import Position
 
 FORMAT = 1
 
+# What `np.load` and `json.loads` raise on other files and on damaged ones.
+_DAMAGE = (EOFError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, KeyError, RuntimeError)
+
 
 class CheckpointError(ValueError):
-    """A checkpoint that cannot be used; says what happened and what to try."""
+    """A checkpoint that cannot be used; says what happened and what to try.
+
+    Attributes:
+        problem: what happened, without the file's name.
+        n_steps: whole steps that the file holds, where these are more than were asked for.
+    """
+
+    def __init__(self, path: pathlib.Path, problem: str, cure: str, n_steps: int | None = None):
+        ValueError.__init__(self, f"{path} {problem}. {cure}")
+        self.problem = problem
+        self.n_steps = n_steps
 
 
 class Checkpoint(NamedTuple):
@@ -64,14 +78,7 @@ def fingerprint(*parts: Any) -> str:
 
 def save_checkpoint(path: pathlib.Path, checkpoint: Checkpoint, run_hash: str) -> None:
     """Write a checkpoint; the one before is replaced when this one is on disk."""
-    arrays: dict[str, np.ndarray] = {}
-    for k, leaf in enumerate(jax.tree.leaves(checkpoint.state)):
-        arrays[f"state.{k}"] = np.asarray(leaf)
-    for name, column in checkpoint.record._asdict().items():
-        arrays[f"record.{name}"] = column
-    for owner, memory in checkpoint.memories.items():
-        for name, value in memory.items():
-            arrays[f"memory.{owner}.{name}"] = np.asarray(value)
+    arrays = _arrays(checkpoint)
     head = {
         "format": FORMAT,
         "run_hash": run_hash,
@@ -86,12 +93,12 @@ def save_checkpoint(path: pathlib.Path, checkpoint: Checkpoint, run_hash: str) -
     write_whole(path, buffer.getvalue(), lasting=True)
 
 
-def load_checkpoint(path: pathlib.Path, like: State, run_hash: str) -> Checkpoint:
-    """Read a checkpoint.
+def load_checkpoint(path: pathlib.Path, like: Checkpoint, run_hash: str) -> Checkpoint:
+    """Read a checkpoint and check that it holds all that the run needs.
 
     Args:
         path: the file.
-        like: a state of the same model, for the structure.
+        like: the start of the run, for the names, types and shapes of what must be there.
         run_hash: hash of the run that wants to go on.
 
     Raises:
@@ -100,28 +107,85 @@ def load_checkpoint(path: pathlib.Path, like: State, run_hash: str) -> Checkpoin
     try:
         with np.load(io.BytesIO(path.read_bytes())) as file:
             arrays = {name: file[name] for name in file.files}
-        head = json.loads(arrays.pop("head").tobytes())
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        head = dict(json.loads(arrays.pop("head").tobytes()))
+    except (OSError, *_DAMAGE) as error:
         raise CheckpointError(
-            f"{path} cannot be read as a checkpoint: {error}. Remove it to start again."
+            path, f"cannot be read as a checkpoint: {error}", "Remove it to start again."
         ) from None
     if head.get("format") != FORMAT or head.get("run_hash") != run_hash:
         raise CheckpointError(
-            f"{path} belongs to a run with another model, step or choice of outputs. Restore the"
-            " input, or start again in another folder."
+            path,
+            "belongs to a run with another model, step or choice of outputs",
+            "Restore the input, or start again in another folder.",
         )
-    leaves, structure = jax.tree.flatten(like)
+    problems = [*_head_problems(head), *_array_problems(arrays, like)]
+    if problems:
+        more = f" and {len(problems) - 3} more" if len(problems) > 3 else ""
+        raise CheckpointError(
+            path,
+            f"is damaged: {', '.join(problems[:3])}{more}",
+            "Put back a copy, or remove it to start again.",
+        )
+    leaves, structure = jax.tree.flatten(like.state)
     stored = [jnp.asarray(arrays[f"state.{k}"]) for k in range(len(leaves))]
-    record = Record(**{name: arrays[f"record.{name}"] for name in Record._fields})
-    memories: dict[str, Memory] = {name: {} for name in head["observers"]}
-    for key, value in arrays.items():
-        if key.startswith("memory."):
-            _, owner, name = key.split(".", 2)
-            memories[owner][name] = value
     return Checkpoint(
         jax.tree.unflatten(structure, stored),
         Position(*head["position"]),
-        record,
+        Record(**{name: arrays[f"record.{name}"] for name in Record._fields}),
         head["events"],
-        memories,
+        {
+            owner: {name: arrays[f"memory.{owner}.{name}"] for name in memory}
+            for owner, memory in like.memories.items()
+        },
     )
+
+
+def _arrays(checkpoint: Checkpoint) -> dict[str, np.ndarray]:
+    """The arrays of a checkpoint under the names that they have in its file."""
+    arrays: dict[str, np.ndarray] = {}
+    for k, leaf in enumerate(jax.tree.leaves(checkpoint.state)):
+        arrays[f"state.{k}"] = np.asarray(leaf)
+    for name, column in checkpoint.record._asdict().items():
+        arrays[f"record.{name}"] = column
+    for owner, memory in checkpoint.memories.items():
+        for name, value in memory.items():
+            arrays[f"memory.{owner}.{name}"] = np.asarray(value)
+    return arrays
+
+
+def _head_problems(head: dict[str, Any]) -> list[str]:
+    """What is wrong with the part that is no array."""
+    problems = []
+    position, events = head.get("position"), head.get("events")
+    fields = len(Position._fields)
+    if not (
+        isinstance(position, list)
+        and len(position) == fields
+        and all(type(number) is int and number >= 0 for number in position)
+    ):
+        problems.append(f"its position is not {fields} whole numbers")
+    if not (isinstance(events, list) and all(isinstance(event, dict) for event in events)):
+        problems.append("its events are no list of tables")
+    return problems
+
+
+def _array_problems(arrays: dict[str, np.ndarray], like: Checkpoint) -> list[str]:
+    """Arrays that are missing, or not of the type and shape that the run needs."""
+    problems = []
+    times = arrays.get("record.t")
+    rows = len(times) if times is not None and times.ndim else 0
+    for name, wanted in _arrays(like).items():
+        found = arrays.get(name)
+        shape = (rows, *wanted.shape[1:]) if name.startswith("record.") else wanted.shape
+        if found is None:
+            problems.append(f"{name} is missing")
+        elif found.shape != shape or found.dtype != wanted.dtype:
+            problems.append(
+                f"{name} is {_described(found.dtype, found.shape)},"
+                f" not {_described(wanted.dtype, shape)}"
+            )
+    return problems
+
+
+def _described(dtype: np.dtype, shape: tuple[int, ...]) -> str:
+    return f"{dtype} of shape {shape}"

@@ -30,7 +30,7 @@ from jaxfsi.core.elements import geometry
 from jaxfsi.core.model import Model
 from jaxfsi.core.state import State
 from jaxfsi.fields.frame import Grid
-from jaxfsi.fields.series import Entry, frame_name, read_series, write_series
+from jaxfsi.fields.series import Entry, find_frames, frame_name, write_series
 from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear
 from jaxfsi.fields.wall_stress import wall_stress
 from jaxfsi.mesh import INTERFACE, Mesh, Region
@@ -54,6 +54,7 @@ class FieldSeries(AbstractObserver):
         """
         folder.mkdir(parents=True, exist_ok=True)
         self._folder, self._stem, self._every = folder, stem, every
+        self._entries: list[Entry] = []
         self._grid = Grid(mesh.points, mesh.tets, {"region": mesh.region.astype(np.uint8)})
         self._solid = mesh.region == Region.SOLID
         wet = np.any(mesh.region == Region.FLUID) and INTERFACE in mesh.label_names
@@ -86,16 +87,21 @@ class FieldSeries(AbstractObserver):
             whole[name][self._solid] = values
         t, file = float(state.t), frame_name(self._stem, step)
         self._grid.write(self._folder / file, t, points, whole)
-        known = read_series(self.path) if step else []
-        write_series(self.path, [*(e for e in known if e.step < step), Entry(t, file)])
+        self._entries = [*(e for e in self._entries if e.step < step), Entry(t, file)]
+        write_series(self.path, self._entries)
 
     def memory(self) -> Memory:
         """Nothing: the files are the memory."""
         return {}
 
     def restore(self, step: int, memory: Memory) -> None:
-        """Forget frames after a step; they will be written again."""
-        write_series(self.path, [e for e in read_series(self.path) if e.step <= step])
+        """List the frames up to a step anew, whatever the PVD says; later ones come again.
+
+        A frame that was removed, or whose time cannot be read, is left out.
+        """
+        frames = find_frames(self._folder, self._stem)
+        self._entries = [e for e in frames if e.step <= step and e.step % self._every == 0]
+        write_series(self.path, self._entries)
 
 
 Arrays = dict[str, np.ndarray]

@@ -33,7 +33,7 @@ class AbstractObserver(abc.ABC):
 
     @abc.abstractmethod
     def memory(self) -> Memory:
-        """What a checkpoint must keep."""
+        """What a checkpoint must keep: the same names, types and shapes throughout a run."""
 
     @abc.abstractmethod
     def restore(self, step: int, memory: Memory) -> None:

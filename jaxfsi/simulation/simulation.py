@@ -18,6 +18,7 @@ from jaxfsi.core.stepper import Stepper, prepare
 from jaxfsi.core.stepping import RESULTS
 from jaxfsi.simulation.checkpoint import (
     Checkpoint,
+    CheckpointError,
     fingerprint,
     load_checkpoint,
     save_checkpoint,
@@ -84,7 +85,7 @@ class Simulation(NamedTuple):
     Attributes:
         state: at its end.
         record: of all its steps.
-        events: what went wrong and was mended: step, t, dt, cause.
+        events: what went wrong and was mended: whole steps done before it, t, dt, cause.
         resumed_from: whole step of the checkpoint that it went on from; None for a fresh run.
     """
 
@@ -103,6 +104,18 @@ class SimulationError(RuntimeError):
 
     def __init__(self, message: str, simulation: Simulation):
         RuntimeError.__init__(self, message)
+        self.simulation = simulation
+
+
+class SimulationInterrupted(KeyboardInterrupt):
+    """The user ended a run.
+
+    Attributes:
+        simulation: what its checkpoint holds, where it has one: all whole chunks.
+    """
+
+    def __init__(self, simulation: Simulation):
+        KeyboardInterrupt.__init__(self)
         self.simulation = simulation
 
 
@@ -141,10 +154,12 @@ def simulate(
 
     Raises:
         ValueError: a number is out of range.
-        CheckpointError: the checkpoint belongs to another run, or is damaged.
+        CheckpointError: the checkpoint belongs to another run, is damaged, or holds more steps;
+            nothing was written.
         SimulationError: a step failed at the smallest length; what was computed is inside, and in
-            the checkpoint.
-        KeyboardInterrupt: the run was interrupted; its last chunk is in the checkpoint.
+            the checkpoint up to the last whole chunk.
+        SimulationInterrupted: the run was interrupted; the steps up to its last whole chunk are
+            inside and in the checkpoint, and the observers are back there.
     """
     _check(n_steps, chunk, checkpoint_every, observers)
     control, solver = control or StepControl(), solver or SolverChoice()
@@ -154,15 +169,17 @@ def simulate(
     if checkpoint is not None:
         run_hash = fingerprint(model, state, *choices, checkpoint_every, looks)
     resumed = None
+    run = Checkpoint(state, Position(), empty_record(len(model.ports)), [], {})
+    run = _remembered(run, observers)
     if checkpoint is not None and checkpoint.exists():
-        run = load_checkpoint(checkpoint, state, run_hash)
+        run = load_checkpoint(checkpoint, run, run_hash)
         resumed = run.position.grain // stride(0, control)
-        for observer in observers:
-            observer.restore(resumed, run.memories.get(observer.name, {}))
+        if resumed > n_steps:
+            raise _too_long(checkpoint, resumed, n_steps, dt)
+        _restore(observers, resumed, run)
     else:
         for observer in observers:
             observer.observe(0, model, state)
-        run = Checkpoint(state, Position(), empty_record(len(model.ports)), [], {})
         run = _remembered(run, observers)
     periods = [chunk, checkpoint_every, *(observer.every for observer in observers)]
     steppers: dict[int, Stepper] = {}
@@ -189,7 +206,9 @@ def simulate(
         if isinstance(stop_of_run, StepFailure):
             kept = Simulation(reached.state, reached.record, reached.events, resumed)
             raise SimulationError(str(stop_of_run), kept) from None
-        raise
+        _restore(observers, run.position.grain // whole, run)
+        kept = Simulation(run.state, run.record, run.events, resumed)
+        raise SimulationInterrupted(kept) from None
     return Simulation(run.state, run.record, run.events, resumed)
 
 
@@ -208,6 +227,23 @@ def _check(
     names = [observer.name for observer in observers]
     if len(set(names)) != len(names):
         raise ValueError(f"two observers have one name: {', '.join(names)}. Name them apart.")
+
+
+def _too_long(path: pathlib.Path, held: int, n_steps: int, dt: float) -> CheckpointError:
+    """The refusal of a checkpoint with more steps than are wanted."""
+    return CheckpointError(
+        path,
+        f"holds a longer run: {held} steps, {held * dt:.6g} s, where {n_steps} steps,"
+        f" {n_steps * dt:.6g} s, were asked for",
+        "Ask for at least as many, or start again in another folder.",
+        held,
+    )
+
+
+def _restore(observers: Sequence[AbstractObserver], step: int, run: Checkpoint) -> None:
+    """Take the observers to where they were at a checkpoint after a whole step."""
+    for observer in observers:
+        observer.restore(step, run.memories[observer.name])
 
 
 def _remembered(run: Checkpoint, observers: Sequence[AbstractObserver]) -> Checkpoint:
@@ -250,8 +286,8 @@ def _advanced(
         event = _event(end, n_good, before, stepper, control)
         if before.level == control.max_halvings:
             raise StepFailure(
-                f"Step {event['step']:g} failed at t = {event['t_s']:.6g} s, also with a step of"
-                f" {event['dt_s']:.3g} s. {event['cause']}"
+                f"Step {int(event['step']) + 1} failed at t = {event['t_s']:.6g} s, also with a"
+                f" step of {event['dt_s']:.3g} s. {event['cause']}"
             )
         events = [*events, event]
     largest = float(np.max(record.change[len(record.change) - n_good :], initial=0.0))

@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import shutil
 
 import jax
 import numpy as np
@@ -17,6 +18,7 @@ from jaxfsi.meshing import tube
 from lumped import MMHG
 from study import read_case
 from study.case import WindkesselParameters
+from study.earlier_run import clear_run
 from study.simulation_case import check_simulation, plan_steps, prepare_simulation
 
 CASE = """\
@@ -156,6 +158,83 @@ def test_other_input_in_the_same_folder_is_refused(outcome, case_file, command):
     assert "belongs to a run with another model" in other.stderr
 
 
+def test_shorter_run_in_the_same_folder_is_refused(outcome, case_file, command):
+    before = _content(outcome.folder)
+    shorter = command("simulate", case_file, "--rigid", "--cycles", "0.05", folder=outcome.folder)
+    assert shorter.status == 2
+    assert "checkpoint.npz: holds a longer run: 40 steps, 0.08 s" in shorter.stderr
+    assert "where 20 steps, 0.04 s, were asked for" in shorter.stderr
+    for cure in ("--cycles 0.1)", "--out", "--restart"):
+        assert cure in shorter.stderr
+    assert _content(outcome.folder) == before
+
+
+def test_damaged_checkpoint_is_refused(outcome, case_file, command, tmp_path):
+    folder = shutil.copytree(outcome.folder, tmp_path / "out")
+    with np.load(folder / "checkpoint.npz") as file:
+        arrays = {name: file[name] for name in file.files if name != "state.3"}
+    np.savez(folder / "checkpoint.npz", **arrays)
+    before = _content(folder)
+    found = command("simulate", case_file, "--rigid", "--cycles", "0.1", folder=folder)
+    assert found.status == 2
+    assert "checkpoint.npz: is damaged: state.3 is missing" in found.stderr
+    assert "--restart" in found.stderr
+    assert _content(folder) == before
+
+
+def _content(folder):
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+def test_restart_that_fails_at_once_keeps_the_earlier_run_apart(
+    outcome, case_file, command, tmp_path, monkeypatch
+):
+    folder = shutil.copytree(outcome.folder, tmp_path / "out")
+    before = _content(folder)
+    advance = simulation.advance_chunk
+
+    def spoil(model, state, *rest):
+        return advance(model, state._replace(u=state.u * np.nan), *rest)._replace(state=state)
+
+    monkeypatch.setattr(simulation, "advance_chunk", spoil)
+    options = ("--rigid", "--cycles", "0.1", "--alpha", "2", "--restart")
+    for k in (1, 2):
+        found = command("simulate", case_file, *options, folder=folder)
+        assert found.status == 1
+        assert f"moved the earlier run to {folder / f'earlier-{k}'}" in found.stderr
+        assert found.written("simulation.json")["alpha"] == 2.0
+        assert not (folder / "history.csv").exists()
+        assert not (folder / "shear.vtu").exists()
+    assert _content(folder / "earlier-1") == before
+    assert "Step 1 failed at t = 0 s" in found.stderr
+    assert "What was computed before" not in found.stderr
+    assert "iterations" not in found.stderr
+    for cure in ("--dt", "alpha", "pressures of the case"):
+        assert cure in found.stderr
+
+
+def test_run_without_a_checkpoint_does_not_mix_with_a_new_one(
+    outcome, case_file, command, tmp_path
+):
+    folder = shutil.copytree(outcome.folder, tmp_path / "out")
+    (folder / "checkpoint.npz").unlink()
+    left = _content(folder)
+    found = command("simulate", case_file, "--rigid", "--cycles", "0.05", folder=folder)
+    assert found.status == 0
+    assert _content(folder / "earlier-1") == left
+    assert len(list((folder / "fields").glob("*.vtu"))) == 3
+
+
+def test_forgotten_run_leaves_nothing(outcome, tmp_path):
+    folder = shutil.copytree(outcome.folder, tmp_path / "out")
+    (folder / "inputs.txt").write_text("key")
+    clear_run(folder)
+    left = {name.split("/")[0].split("-pictures")[0] for name in _content(folder)}
+    assert left <= {"inputs.txt", "simulation.json", "simulation.html", "simulation"}
+    clear_run(folder)  # also where there is none
+
+
 def test_stored_result_is_shown_again(outcome, command, tmp_path):
     shown = command("show", outcome.folder, folder=tmp_path / "page")
     assert shown.status == 0
@@ -178,11 +257,34 @@ def test_interrupted_run_keeps_what_it_has_and_goes_on(case_file, command, tmp_p
     assert stopped.status == 130
     assert "same command again" in stopped.stderr
     assert stopped.written("simulation.json")["interrupted"]
-    assert (tmp_path / "history.csv").is_file()
+    assert _steps_kept(tmp_path) == stopped.written("simulation.json")["solver"]["steps_done"] == 10
+    stopped = command(*options, folder=tmp_path)
+    assert stopped.status == 130
+    assert stopped.written("simulation.json")["solver"]["resumed_from"] == 10
     monkeypatch.setattr(simulation_run, "progress_text", text)
     resumed = command(*options, folder=tmp_path)
     assert resumed.status == 0
     assert 0 < resumed.json["solver"]["resumed_from"] < 40
+
+
+def _steps_kept(folder):
+    """Steps of the history, which are those of the checkpoint."""
+    with (folder / "history.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    with np.load(folder / "checkpoint.npz") as file:
+        np.testing.assert_allclose([float(row["t_s"]) for row in rows], file["record.t"])
+    return len(rows)
+
+
+def test_run_interrupted_before_its_first_steps_says_so(case_file, command, tmp_path, monkeypatch):
+    def interrupt(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulation, "advance_chunk", interrupt)
+    stopped = command("simulate", case_file, "--rigid", "--cycles", "0.1", folder=tmp_path)
+    assert stopped.status == 130
+    assert "interrupted before the first steps were done" in stopped.stderr
+    assert "nothing was written" not in stopped.stderr
 
 
 def test_failed_run_keeps_what_it_has(case_file, command, tmp_path, monkeypatch):
@@ -196,7 +298,7 @@ def test_failed_run_keeps_what_it_has(case_file, command, tmp_path, monkeypatch)
     monkeypatch.setattr(simulation, "advance_chunk", spoil)
     found = command("simulate", case_file, "--rigid", "--cycles", "0.1", folder=tmp_path)
     assert found.status == 1
-    assert "Step 20 failed at t = 0.04 s, also with a step of 0.000125 s" in found.stderr
+    assert "Step 21 failed at t = 0.04 s, also with a step of 0.000125 s" in found.stderr
     assert "What was computed before is in" in found.stderr
     document = found.written("simulation.json")
     assert "no longer finite" in document["failure"]
@@ -274,7 +376,8 @@ def test_faults_of_a_run_are_told_together(case_file):
         (("--condition", "sleep"), "rest, exercise"),
         (("--dt", "0"), "--dt"),
         (("--cycles", "many"), "--cycles"),
-        (("--state", "late"), "late"),
+        (("--state", "late"), "try: choose from finished\n"),
+        (("--state", "all"), "there is no state 'all' to run; a run takes one state"),
         ((), "no wall"),
     ],
     ids=str,

@@ -1,4 +1,4 @@
-"""Shared by the tests of runs: the small tube, as a module."""
+"""Shared by the tests of runs: the small tube, as a module, and runs of it."""
 
 import importlib.util
 import pathlib
@@ -6,6 +6,8 @@ import types
 
 import jax
 import pytest
+
+from jaxfsi.simulation import simulate
 
 
 @pytest.fixture(scope="package", autouse=True)
@@ -25,3 +27,21 @@ def pulsed() -> types.ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="package")
+def tube_model(pulsed):
+    """Mesh, model and start of the small tube."""
+    return pulsed.pulsed_tube()
+
+
+@pytest.fixture(scope="package")
+def run(tube_model, pulsed):
+    """Runs the model with chunks of five steps: one program for all tests."""
+    _, model, state = tube_model
+
+    def go(n_steps=20, dt=1e-3, model=model, **options):
+        options = {"solver": pulsed.SOLVER, "chunk": 5, **options}
+        return simulate(model, state, dt=dt, n_steps=n_steps, **options)
+
+    return go

@@ -19,29 +19,11 @@ from jaxfsi.simulation import (
     SimulationError,
     StepControl,
     mean_over,
-    simulate,
     write_csv,
 )
 from lumped.units import ML_PER_MIN, MMHG
 
 DT, N = 1e-3, 20
-
-
-@pytest.fixture(scope="module")
-def tube_model(pulsed):
-    return pulsed.pulsed_tube()
-
-
-@pytest.fixture(scope="module")
-def run(tube_model, pulsed):
-    """Runs the model with chunks of five steps: one program for all tests."""
-    _, model, state = tube_model
-
-    def go(n_steps=N, dt=DT, model=model, **options):
-        options = {"solver": pulsed.SOLVER, "chunk": 5, **options}
-        return simulate(model, state, dt=dt, n_steps=n_steps, **options)
-
-    return go
 
 
 @pytest.fixture(scope="module")
@@ -254,7 +236,7 @@ def test_step_that_fails_at_every_length_is_reported_and_the_rest_is_kept(run, t
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation, "advance_chunk", fail_late)
         with pytest.raises(
-            SimulationError, match=r"Step 5 failed at t = 0.005 s.*step of 0.00025 s"
+            SimulationError, match=r"Step 6 failed at t = 0.005 s.*step of 0.00025 s"
         ) as error:
             run(control=StepControl(max_halvings=2), checkpoint=path, solver=hard)
     assert error.value.simulation.record.n_steps == 5

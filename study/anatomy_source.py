@@ -77,7 +77,7 @@ def case_mesh(case: Case) -> Mesh:
         raise ValueError("the case names no finished mesh. Build one from case_anatomy.")
     with _refusal(anatomy.places[0]):
         if anatomy.path is not None and not anatomy.path.is_dir():
-            return read_mesh(anatomy.path, unit=anatomy.unit)
+            return read_mesh(anatomy.path, unit=anatomy.unit, labels=anatomy.labels)
         fluid, solid = _folders(anatomy)
         return read_mesh_complete(fluid, solid, unit=anatomy.unit, labels=anatomy.labels)
 

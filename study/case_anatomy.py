@@ -129,7 +129,7 @@ class MeshAnatomy:
             itself the mesh-complete folder of the blood.
         fluid: mesh-complete folder of the blood, in place of ``path``.
         solid: mesh-complete folder of the wall.
-        labels: label by name of a surface file that would be named wrongly otherwise.
+        labels: new label by name in the file: of an opening, a surface group or a surface file.
     """
 
     unit: Unit

@@ -41,6 +41,7 @@ from calibration import (
     systemic_windkessel,
 )
 from jaxfsi import Mesh, Region, submesh
+from jaxfsi.core.elements import area_vectors
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, Port, PressurePort
 from jaxfsi.core.state import State, initial_state
@@ -63,8 +64,9 @@ from lumped.network import Network
 from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
 from study.case import Case, Condition
+from study.case_anatomy import MeshAnatomy, SurfaceAnatomy
 from study.case_model import Keep, case_model
-from study.faults import CaseError, Fault
+from study.faults import CaseError, Fault, shown_key
 from study.patient import Patient, condition_of, load_patient, stress_rules
 
 INLET, OUTLET = "aorta_inlet", "aorta_outlet"
@@ -192,17 +194,23 @@ def check_openings(case: Case, mesh: Mesh, *, rigid: bool) -> None:
     Raises:
         CaseError: an opening of the aorta is missing, or there is no outlet or no wall.
     """
-    names, problem = mesh.openings, ""
+    names, problem, cure = mesh.openings, "", "name the ends of aorta and coronary in the anatomy"
+    match case.anatomy:
+        case MeshAnatomy():
+            old = names[0] if names else "NAME"
+            cure = f'name them below [anatomy.labels], such as {shown_key(old)} = "{INLET}"'
+        case SurfaceAnatomy():
+            cure = f"name them below [anatomy.openings], such as {INLET} = [x, y, z]"
+        case _:
+            pass
     missing = [name for name in (INLET, OUTLET) if name not in names]
     if missing:
         problem = f"the mesh has no opening named {' or '.join(missing)}"
     elif len(names) < 3:
-        problem = "the mesh has no coronary outlet"
+        problem, cure = "the mesh has no coronary outlet", "use a mesh with a coronary artery"
     elif not rigid and not np.any(mesh.region == Region.SOLID):
-        problem = "the mesh has no wall"
+        problem, cure = "the mesh has no wall", "use --rigid"
     if problem:
-        cure = "name the openings of the anatomy aorta_inlet, aorta_outlet, anomalous_outlet, ..."
-        cure = "use --rigid" if problem.endswith("wall") else cure
         raise CaseError([Fault(case.path, "anatomy", None, problem, ", ".join(names), cure)])
 
 
@@ -369,9 +377,8 @@ def _windkessel(case: Case, condition: str, rule: StressRule | None, area: float
 
 
 def _opening_area(mesh: Mesh, name: str) -> float:
-    corner = mesh.points[mesh.labelled(name)]
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    return float(np.linalg.norm(normal, axis=1).sum() / 2.0)
+    faces = area_vectors(jnp.asarray(mesh.points.T), jnp.asarray(mesh.labelled(name).T))
+    return float(jnp.linalg.norm(faces, axis=0).sum())
 
 
 def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: Parameter) -> Coronary:

@@ -1,6 +1,7 @@
 """One reader and one writer for single mesh files, by the ending of their name."""
 
 import pathlib
+from collections.abc import Mapping
 
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.lengths import Unit
@@ -26,12 +27,19 @@ def _suffix(path: pathlib.Path) -> str:
     return suffix
 
 
-def read_mesh(path: str | pathlib.Path, *, unit: Unit, any_size: bool = False) -> Mesh:
+def read_mesh(
+    path: str | pathlib.Path,
+    *,
+    unit: Unit,
+    labels: Mapping[str, str] | None = None,
+    any_size: bool = False,
+) -> Mesh:
     """Read a mesh from a vtu, msh or xdmf file; see `read_vtu`, `read_msh`, `read_xdmf`.
 
     Args:
         path: the file.
         unit: length unit of the file.
+        labels: label of faces that have other names in the file.
         any_size: read meshes too that are too large or too small for a vessel.
 
     Raises:
@@ -39,7 +47,7 @@ def read_mesh(path: str | pathlib.Path, *, unit: Unit, any_size: bool = False) -
     """
     path = pathlib.Path(path)
     reader, _ = _FORMATS[_suffix(path)]
-    return reader(path, unit=unit, any_size=any_size)
+    return reader(path, unit=unit, labels=labels, any_size=any_size)
 
 
 def write_mesh(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:

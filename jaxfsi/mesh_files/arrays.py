@@ -170,7 +170,8 @@ def labelled_from_outside(
         if not (np.any(region == Region.SOLID) and np.any(region == Region.FLUID)):
             raise MeshFileError(
                 f"{path} carries no labels, and openings can be found only where a wall surrounds"
-                " the blood. Pass openings=."
+                " the blood. Save it as msh or mesh-complete with its openings named, or give their"
+                " planes to the reader."
             )
         openings = find_openings(bare.points, bare.tets, bare.region)
     mesh = label_faces(bare.points, bare.tets, bare.region, openings)

@@ -48,16 +48,23 @@ def check_extent(points: Float[np.ndarray, "nodes 3"], unit: str, path: object) 
         path: for the message.
 
     Raises:
-        MeshFileError: the longest side of the bounding box is below 0.3 cm or above 40 cm.
+        MeshFileError: coordinates that are no finite numbers, or the longest side of the bounding
+            box is below 0.3 cm or above 40 cm.
     """
     if len(points) == 0:
         raise MeshFileError(f"{path} has no points. Write the mesh again.")
+    bad = int(np.sum(~np.isfinite(points)))
+    if bad:
+        raise MeshFileError(
+            f"{path} has coordinates that are not finite numbers, {bad} of {points.size}. Write the"
+            " mesh again."
+        )
     extent = float(np.max(np.ptp(points, axis=0)))
     if SMALLEST_VESSEL_CM <= extent * UNITS_CM[unit] <= LARGEST_VESSEL_CM:
         return
     readings = ", ".join(f"{extent * cm:.4g} cm if in {name}" for name, cm in UNITS_CM.items())
     raise MeshFileError(
         f"{path} spans {extent:.4g} {unit} as declared, that is {readings}; a vessel spans"
-        f" {SMALLEST_VESSEL_CM} to {LARGEST_VESSEL_CM:g} cm. Declare the other unit, scale the"
-        " mesh, or pass any_size=True if it is right."
+        f" {SMALLEST_VESSEL_CM} to {LARGEST_VESSEL_CM:g} cm. Declare the other unit, or scale"
+        " the mesh."
     )

@@ -19,6 +19,7 @@ from jaxfsi.mesh_files.complete_folder import (
 from jaxfsi.mesh_files.joining import join_nodes
 from jaxfsi.mesh_files.lengths import UNITS_CM, Unit, check_stored_unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError
+from jaxfsi.mesh_files.renaming import check_names, renamed
 from jaxfsi.meshing.labels import complete_labels
 
 Path = str | pathlib.Path
@@ -92,7 +93,7 @@ def read_mesh_complete(
         fluid: folder of the blood; None for a wall alone.
         solid: folder of the wall; None for blood alone.
         unit: length unit of the files.
-        labels: label of surface files that the rules above would name wrongly.
+        labels: label of surface files that are to be named otherwise.
         tolerance_cm: distance up to which nodes of fluid and solid are one [cm]; None: a
             millionth of the extent.
         any_size: read meshes too that are too large or too small for a vessel.
@@ -116,7 +117,9 @@ def read_mesh_complete(
         if folder.entry is not None:
             check_stored_unit(unit, folder.entry.unit, folder.path)
     whole = _reassembled(folders, unit)
-    return _joined(folders, unit, dict(labels or {}), tolerance_cm) if whole is None else whole
+    if whole is None:
+        return _joined(folders, unit, dict(labels or {}), tolerance_cm)
+    return renamed(whole, labels, next(iter(folders.values())).path)
 
 
 def _reassembled(folders: dict[Region, CompleteFolder], unit: Unit) -> Mesh | None:
@@ -243,12 +246,8 @@ def _named_surfaces(
     path: pathlib.Path,
 ) -> dict[str, Int[np.ndarray, "_ 3"]]:
     """Label of each surface file, and its faces, off the interface."""
-    absent = set(labels).difference(*surfaces.values())
-    if absent:
-        held = ", ".join(name for files in surfaces.values() for name in files)
-        raise MeshFileError(
-            f"there is no surface {min(absent)!r}; there are {held}. Name one of these in labels."
-        )
+    held = [name for files in surfaces.values() for name in files]
+    check_names(labels, held, path, what="surface")
     interface = region_faces(mesh.tets, mesh.region).interface
     openings: dict[str, np.ndarray] = {}
     walls: dict[str, np.ndarray] = {}

@@ -28,6 +28,7 @@ from jaxfsi.mesh_files.arrays import (
 )
 from jaxfsi.mesh_files.lengths import UNITS_CM, Unit, check_extent, check_stored_unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
+from jaxfsi.mesh_files.renaming import check_names, renamed
 from jaxfsi.mesh_files.side_entry import SideEntry, entry_text, parsed_entry
 from jaxfsi.meshing.labels import complete_labels
 
@@ -131,7 +132,9 @@ def read_msh(
     ids = node_ids_of(file, path)
     if entry is not None:
         label = tags - _FIRST_LABEL
-        return built(path, points, tets, region, faces, label, entry.label_names, ids, entry.meta)
+        names, meta = entry.label_names, entry.meta
+        mesh = built(path, points, tets, region, faces, label, names, ids, meta)
+        return renamed(mesh, labels, path)
     named = _named_faces(faces, tags, groups, dict(labels or {}), path)
     bare = built(path, points, tets, region, np.zeros((0, 3), int), np.zeros(0, int), (), ids, {})
     mesh = complete_labels(points, bare.tets, bare.region, named)
@@ -178,7 +181,7 @@ def _regions(
     if unknown:
         raise MeshFileError(
             f"the volume groups of {path} are {', '.join(held)}; regions are known of"
-            f" {', '.join(regions)}. Pass regions={{name: Region.FLUID or Region.SOLID}}."
+            f" {', '.join(regions)}. Name the groups so, or tell the reader the region of each."
         )
     values = np.array([int(regions[name]) for name in held])
     return values[np.searchsorted(present, tags)]
@@ -192,12 +195,7 @@ def _named_faces(
     path: pathlib.Path,
 ) -> dict[str, Int[np.ndarray, "_ 3"]]:
     """Faces under each label; groups that are given the same label are joined."""
-    absent = sorted(set(labels) - set(groups.surfaces.values()))
-    if absent:
-        raise MeshFileError(
-            f"{path} has no surface group {absent[0]!r}; it has"
-            f" {', '.join(groups.surfaces.values()) or 'none'}. Name one of these in labels."
-        )
+    check_names(labels, groups.surfaces.values(), path, what="surface group")
     named: dict[str, list[np.ndarray]] = {}
     for tag, name in groups.surfaces.items():
         named.setdefault(labels.get(name, name), []).append(faces[tags == tag])

@@ -1,7 +1,7 @@
 """Meshes in VTK's unstructured-grid XML files (vtu), with names beside them in JSON."""
 
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import meshio
 
@@ -9,6 +9,7 @@ from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import reading, staged
+from jaxfsi.mesh_files.renaming import renamed
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
 from jaxfsi.opening import Opening
 
@@ -18,6 +19,7 @@ def read_vtu(
     *,
     unit: Unit,
     openings: Sequence[Opening] | None = None,
+    labels: Mapping[str, str] | None = None,
     any_size: bool = False,
 ) -> Mesh:
     """Read a mesh from a vtu file.
@@ -30,18 +32,20 @@ def read_vtu(
         unit: length unit of the file.
         openings: cap planes for a file without labels [cm]; None: found by
             `jaxfsi.meshing.find_openings` where a wall surrounds the blood.
+        labels: other names for labels, the ones made anew among them (``opening_1``, ...).
         any_size: read meshes too that are too large or too small for a vessel.
 
     Raises:
         ValueError: the file is missing, empty, truncated, malformed or in another unit, or its
-            boundary cannot be labelled.
+            boundary cannot be labelled or has no such label.
     """
     path = pathlib.Path(path)
     check_unit(unit)
     with reading(path, "a vtu mesh"):
         file = meshio.vtu.read(str(path))
     entry = read_side_entry(path)
-    return arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
+    mesh = arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
+    return renamed(mesh, labels, path)
 
 
 def write_vtu(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:

@@ -2,7 +2,7 @@
 
 import importlib.util
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import meshio
 
@@ -10,6 +10,7 @@ from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
+from jaxfsi.mesh_files.renaming import renamed
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
 from jaxfsi.opening import Opening
 
@@ -26,6 +27,7 @@ def read_xdmf(
     *,
     unit: Unit,
     openings: Sequence[Opening] | None = None,
+    labels: Mapping[str, str] | None = None,
     any_size: bool = False,
 ) -> Mesh:
     """Read a mesh from an xdmf file; the arguments and errors are those of `read_vtu`."""
@@ -35,7 +37,8 @@ def read_xdmf(
     with reading(path, "an xdmf mesh"):
         file = meshio.xdmf.read(str(path))
     entry = read_side_entry(path)
-    return arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
+    mesh = arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
+    return renamed(mesh, labels, path)
 
 
 def write_xdmf(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:

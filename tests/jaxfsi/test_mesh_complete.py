@@ -242,6 +242,13 @@ def test_surfaces_can_be_renamed(folders):
         read_mesh_complete(*folders, unit="cm", labels={"cap": "aorta"})
 
 
+def test_labels_of_own_folders_can_be_renamed(folders):
+    mesh = read_mesh_complete(*folders, unit="cm", labels={"inlet": "aorta"})
+    assert {"aorta", "aorta_ring"} <= set(mesh.label_names)
+    with pytest.raises(ValueError, match="there is no label 'cap'"):
+        read_mesh_complete(*folders, unit="cm", labels={"cap": "aorta"})
+
+
 def test_stored_pipe_of_blood_is_read(shared_data):
     folder = shared_data / "svfsi-tests" / "pipe3d_rcr" / "mesh-complete"
     mesh = read_mesh_complete(folder, None, unit="cm")

@@ -169,6 +169,45 @@ def test_other_files_are_refused(tmp_path, ending):
         read_mesh(tmp_path / "mesh.stl", unit="cm")
 
 
+@pytest.mark.parametrize("ending", FORMATS)
+def test_labels_of_any_file_can_be_renamed(tmp_path, walled, ending):
+    path = tmp_path / f"tube.{ending}"
+    write_mesh(path, walled, unit="cm")
+    mesh = read_mesh(path, unit="cm", labels={"inlet": "aorta_inlet"})
+    names = [name.replace("inlet", "aorta_inlet") for name in walled.label_names]
+    assert "aorta_inlet_ring" in names
+    assert_same(mesh, dataclasses.replace(walled, label_names=tuple(names)))
+    joined = read_mesh(path, unit="cm", labels={"inlet": "port", "outlet": "port"})
+    assert joined.openings == ("port",)
+    assert len(joined.labelled("port")) == sum(len(walled.labelled(n)) for n in walled.openings)
+    with pytest.raises(ValueError, match=r"no label 'nope'; there are inlet, outlet, interface"):
+        read_mesh(path, unit="cm", labels={"nope": "aorta_inlet"})
+    for old, new in (("interface", "inlet"), ("inlet", "interface")):
+        with pytest.raises(ValueError, match=f"{old!r} cannot become {new!r}"):
+            read_mesh(path, unit="cm", labels={old: new})
+
+
+def test_openings_of_a_file_without_labels_can_be_named(tmp_path, walled):
+    path = tmp_path / "tube.vtu"
+    write_vtu(path, walled, unit="cm")
+    path.with_suffix(".json").unlink()
+    mesh = read_mesh(path, unit="cm", labels={"opening_1": "a", "opening_2": "b"})
+    assert set(mesh.label_names) == {"a", "b", "interface", "outer_wall", "a_ring", "b_ring"}
+
+
+@pytest.mark.parametrize("ending", FORMATS)
+def test_coordinates_that_are_no_numbers_are_counted(tmp_path, walled, ending):
+    mesh = dataclasses.replace(walled, points=walled.points.copy())
+    # after the mesh was checked
+    mesh.points[3, 1], mesh.points[4, 0] = np.nan, np.inf
+    path = tmp_path / f"tube.{ending}"
+    write_mesh(path, mesh, unit="cm", any_size=True)
+    with pytest.raises(
+        ValueError, match=rf"tube\.{ending} has coordinates .* 2 of {mesh.points.size}\."
+    ):
+        read_mesh(path, unit="cm")
+
+
 def test_xdmf_without_its_package_or_arrays_says_so(tmp_path, walled, monkeypatch):
     path = tmp_path / "tube.xdmf"
     write_mesh(path, walled, unit="cm")
@@ -216,7 +255,7 @@ def test_blood_without_labels_needs_openings(tmp_path):
     path = tmp_path / "blood.vtu"
     write_vtu(path, blood, unit="cm")
     (tmp_path / "blood.json").unlink()
-    with pytest.raises(ValueError, match="Pass openings="):
+    with pytest.raises(ValueError, match="give their planes to the reader"):
         read_vtu(path, unit="cm")
     openings = (Opening("inlet", 0.0 * UP, -UP, 0.6), Opening("outlet", 2.0 * UP, UP, 0.6))
     mesh = read_vtu(path, unit="cm", openings=openings)

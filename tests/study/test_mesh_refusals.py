@@ -4,6 +4,7 @@ import pathlib
 from collections.abc import Callable
 from typing import NamedTuple
 
+import meshio
 import numpy as np
 import pytest
 import trimesh
@@ -144,6 +145,19 @@ def finished(folder: pathlib.Path, *, share: float = 1.0, unit: str = "cm") -> s
     return f'[anatomy]\nkind = "mesh"\npath = "mesh.vtu"\nunit = "{unit}"\n'
 
 
+def relabelled(folder: pathlib.Path) -> str:
+    return finished(folder) + '[anatomy.labels]\nnope = "aorta_inlet"\n'
+
+
+def without_numbers(folder: pathlib.Path) -> str:
+    """A finished mesh with two coordinates that are not numbers."""
+    text = finished(folder)
+    file = meshio.vtu.read(folder / "mesh.vtu")
+    file.points[0, :2] = np.nan
+    file.write(folder / "mesh.vtu")
+    return text
+
+
 BAD: dict[str, tuple[Callable[[pathlib.Path], str], str]] = {
     "open surface": (with_hole, "hole in the wall"),
     "self-intersection": (with_dent, "intersects itself"),
@@ -178,6 +192,14 @@ BAD: dict[str, tuple[Callable[[pathlib.Path], str], str]] = {
     "mesh in another unit": (lambda folder: finished(folder, unit="mm"), "lengths are in cm"),
     "truncated mesh": (lambda folder: finished(folder, share=0.6), "mesh.vtu"),
     "empty mesh": (lambda folder: finished(folder, share=0.0), "the file is empty"),
+    "label that the mesh does not have": (
+        relabelled,
+        "no label 'nope'; there are inlet, outlet, interface",
+    ),
+    "coordinates that are not numbers": (
+        without_numbers,
+        "mesh.vtu: has coordinates that are not finite numbers, 2 of",
+    ),
     "slit wider than high": (
         lambda _: '[anatomy]\nkind = "synthetic"\nostium_minor_mm = 4.0\nostium_major_mm = 2.0\n',
         "ostium_minor_mm",

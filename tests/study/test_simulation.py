@@ -16,10 +16,16 @@ import study.simulation_run as simulation_run
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from lumped import MMHG
-from study import read_case
+from study import CaseError, read_case
+from study.anatomy_source import case_mesh
 from study.case import WindkesselParameters
 from study.earlier_run import clear_run
-from study.simulation_case import check_simulation, plan_steps, prepare_simulation
+from study.simulation_case import (
+    check_openings,
+    check_simulation,
+    plan_steps,
+    prepare_simulation,
+)
 
 CASE = """\
 [patient]
@@ -91,6 +97,23 @@ def outcome(case_file, command, tmp_path_factory):
     found = command("simulate", case_file, "--rigid", "--cycles", "0.1", "--json", folder=folder)
     assert found.status == 0, found.stderr
     return found
+
+
+def test_openings_under_other_names_are_refused_until_the_case_names_them(tmp_path):
+    mesh = _three_openings(1)
+    names = [name.replace("aorta", "main") for name in mesh.label_names]
+    write_mesh(
+        tmp_path / "tube.vtu", dataclasses.replace(mesh, label_names=tuple(names)), unit="cm"
+    )
+    path = tmp_path / "case.toml"
+    path.write_text(CASE)
+    case = read_case(path)
+    with pytest.raises(CaseError, match=r"\[anatomy\.labels\], such as main_inlet = \"aorta_in"):
+        check_openings(case, case_mesh(case), rigid=False)
+    table = '[anatomy.labels]\nmain_inlet = "aorta_inlet"\nmain_outlet = "aorta_outlet"\n'
+    path.write_text(CASE + table)
+    case = read_case(path)
+    check_openings(case, case_mesh(case), rigid=False)
 
 
 def test_files_of_a_run(outcome):

@@ -104,7 +104,7 @@ MESH = (
     Word("unit", ("cm", "mm"), default="cm"),
 )
 
-_PLAIN: dict[str, tuple[Key, ...]] = {
+PLAIN: dict[str, tuple[Key, ...]] = {
     "patient": PATIENT,
     "blood": BLOOD,
     "coronary": CORONARY,
@@ -113,7 +113,12 @@ _PLAIN: dict[str, tuple[Key, ...]] = {
     "mesh": MESH,
     "solver": SOLVER,
 }
-TABLES = ("patient", "anatomy", "blood", "wall", "condition", *_PLAIN, "stress")
+"""Keys of each table without sub-tables or words that exclude each other."""
+
+TABLES = ("patient", "anatomy", "blood", "wall", "condition", *PLAIN, "stress")
+_OUTPUT_SLACK = 0.1
+"""Stroke volume and cardiac output are rounded, and of neighbouring minutes."""
+
 _CONDITION_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 
 
@@ -121,7 +126,7 @@ def key_homes() -> dict[str, str]:
     """For each key, the heading of the table that it belongs to (the first, if several)."""
     tables: list[tuple[str, Sequence[Key]]] = [
         ("[condition.NAME]", CONDITION),
-        *((f"[{name}]", keys) for name, keys in _PLAIN.items()),
+        *((f"[{name}]", keys) for name, keys in PLAIN.items()),
         ("[wall]", WALL),
         ("[stress]", STRESS),
         *((f'[anatomy] with kind = "{kind}"', keys) for kind, keys in KINDS.items()),
@@ -148,7 +153,7 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     read_free_texts(document, "file", context)
     meant = _refuse_unknown_tables(document, context)
     values: dict[str, Any] = {}
-    for name, keys in _PLAIN.items():
+    for name, keys in PLAIN.items():
         if name in document or name not in meant:
             values[name] = read_table(document.get(name, {}), name, keys, context)
     values["anatomy"] = (
@@ -243,11 +248,28 @@ def _read_condition(name: str, table: Mapping[str, Any], context: Context) -> di
         context.add(f"{heading}.kind", table["kind"], problem, cure, f'"{kind}"')
     values["kind"] = kind
     check_order(values, "P_diastolic", "P_systolic", heading, CONDITION, table, context, apart=True)
+    _check_output(values, heading, table, context)
     path, period, P_systolic = values["waveform"], values["period"], values["P_systolic"]
     if path is not None and period is not None and P_systolic is not None:
         place = f"{heading}.waveform"
         values["waveform"] = read_beat(path, period, P_systolic, place, context.faults)
     return values
+
+
+def _check_output(
+    values: Mapping[str, Any], heading: str, table: Mapping[str, Any], context: Context
+) -> None:
+    """Refuse a stroke volume that is not the cardiac output times the period."""
+    output, volume, period = (values[n] for n in ("cardiac_output", "stroke_volume", "period"))
+    if output is None or volume is None or period is None:
+        return
+    expected = output * period
+    if abs(volume - expected) > _OUTPUT_SLACK * expected:
+        key = "stroke_volume_ml"
+        problem = f"cardiac_output_l_per_min times period_s is {expected:.3g} ml"
+        allowed = f"within {100 * _OUTPUT_SLACK:g} % of that"
+        cure = f"correct the one that is wrong, or leave {key} out"
+        context.add(f"{heading}.{key}", table[key], problem, cure, allowed)
 
 
 def _read_stress(table: object, context: Context) -> dict[str, Any]:

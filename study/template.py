@@ -36,7 +36,7 @@ id = "patient-01"                   # names the results: letters, digits, ". _ -
 #            [anatomy.openings] aorta_inlet = [x, y, z], ... names the vessel ends;
 #            [anatomy.cuts.NAME] centre, normal, radius cuts a vessel that has no flat end
 # mesh:      path = "mesh.vtu", or fluid = "..." and solid = "..." (mesh-complete folders),
-#            unit = "mm" | "cm"; [anatomy.labels] renames surface files
+#            unit = "mm" | "cm"; [anatomy.labels] OLD = "NEW" renames openings and surfaces
 
 #[blood]
 #viscosity_poise = 0.04
@@ -48,6 +48,7 @@ id = "patient-01"                   # names the results: letters, digits, ". _ -
 #density_g_per_cm3 = 1.0
 #material = "saint_venant_kirchhoff" # linear | saint_venant_kirchhoff | neo_hookean
 #element = "linear"                 # linear | quadratic: bends, and takes some ten times as long
+#prestress = "diastole"             # diastole: the image shows the wall under that pressure | none
 #thickness_per_radius = 0.1         # or { factor = 0.1, min_mm = 0.3, max_mm = 2.0 }
 
 # The condition at rest. ffr is the measured mean distal over mean aortic pressure (resting Pd/Pa):
@@ -67,6 +68,7 @@ ffr = 0.91
 P_systolic_mmHg = 130.0
 P_diastolic_mmHg = 70.0
 period_s = 0.45
+#kind = "stress"                    # of every condition but rest
 
 # The coronary outlet at rest, before calibration.
 #[coronary]

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import pathlib
 import re
+import tomllib
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -25,6 +26,8 @@ from study import (
     read_case,
     require,
 )
+from study.anatomy_tables import KINDS
+from study.case_tables import CONDITION, PLAIN, STRESS, STRESS_FACTORS, THICKNESS, WALL
 
 GOOD = (pathlib.Path(__file__).parent / "good_case.toml").read_text()
 
@@ -152,6 +155,18 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     assert all(None not in vars(state).values() for state in full.anatomy.states.values())
     assert dataclasses.replace(full.mesh, elements_across=None) == plain.mesh
     assert full.mesh.elements_across is not None
+
+
+def test_template_names_every_key():
+    text = case_template()
+    full = tomllib.loads(re.sub(r"^#(?=\w+ = |\[)", "", text, flags=re.MULTILINE))
+    conditions = {key for entry in full["condition"].values() for key in entry}
+    for name, keys in {**PLAIN, "wall": WALL, "stress": STRESS}.items():
+        assert {key.key for key in keys} <= set(full[name]), name
+    assert {key.key for key in CONDITION} <= conditions
+    others = [key for kind in ("ivus", "surface", "mesh") for key in KINDS[kind]]
+    for key in (*others, *THICKNESS, *STRESS_FACTORS):
+        assert re.search(rf"\b{key.key}\b", text), key.key
 
 
 def test_text_with_byte_order_mark_and_windows_line_ends_is_read(tmp_path):

@@ -229,6 +229,10 @@ BAD_EDITS = {
     "rule and factors": (
         "[solver]", "[stress.factors]\nR_1 = 0.5\n[solver]", "stress.rule", "keep either",
     ),
+    "stroke volume of another output": (
+        "volume_ml = 60.0", "volume_ml = 5.0",
+        "condition.rest.stroke_volume_ml", "cardiac_output_l_per_min times period_s is 60 ml",
+    ),
     "loss without a law": ('law = "quadratic"\n', "", "surrogate.law", 'law = "linear"'),
 }  # fmt: skip
 

@@ -29,10 +29,11 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements import added
-from lumped.parameters import Parameter, parameter
+from lumped.parameters import Parameter, check_range, is_traced, parameter
 
 Tensor = Sequence[Sequence[Float[Array, " tets"]]] | Float[Array, "3 3 tets"]
 """Components of a tensor on each element: rows of arrays, or one array with the elements last."""
@@ -105,6 +106,25 @@ def determinant(a: Tensor) -> Float[Array, " tets"]:
 
 class AbstractMaterial(eqx.Module):
     """An elastic material; its numbers may be scalars or one value an element."""
+
+    E: eqx.AbstractVar[Parameter]
+    nu: eqx.AbstractVar[Parameter]
+
+    def __check_init__(self):
+        """Refuse constants without a finite, positive stiffness; traced ones pass.
+
+        Raises:
+            ValueError: E is not above zero, or ν does not lie between −1 and 0.5.
+        """
+        check_range(self, above=("E",))
+        if is_traced(self.nu):
+            return
+        nu = np.asarray(self.nu)
+        if not np.all((nu > -1.0) & (nu < 0.5)):
+            raise ValueError(
+                f"{type(self).__name__}.nu = {self.nu} must lie between -1 and 0.5, both excluded."
+                " A wall that cannot change its volume has no finite stiffness; take 0.49."
+            )
 
     @abc.abstractmethod
     def stress(self, F: Tensor) -> Tensor:

@@ -26,7 +26,7 @@ from jaxfsi.core.materials import (
     transposed,
 )
 from jaxfsi.core.wall_elements import AbstractWallElement, Points
-from lumped.parameters import Parameter, parameter
+from lumped.parameters import Parameter, check_range, parameter
 
 
 class Wall(eqx.Module):
@@ -45,6 +45,15 @@ class Wall(eqx.Module):
     damping: Parameter = parameter(default=0.0)
     support_stiffness: Parameter = parameter(default=0.0)
     support_damping: Parameter = parameter(default=0.0)
+
+    def __check_init__(self):
+        """Refuse a density that is not positive and negative dampers; traced ones pass.
+
+        Raises:
+            ValueError: a concrete number is out of its range.
+        """
+        least = ("damping", "support_stiffness", "support_damping")
+        check_range(self, above=("rho_s",), least=least)
 
 
 class WallMotion(NamedTuple):

@@ -22,6 +22,19 @@ def _deformations(n: int = 6) -> jnp.ndarray:
     return jnp.asarray(np.eye(3)[:, :, None] + 0.15 * rng.standard_normal((3, 3, n)))
 
 
+@pytest.mark.parametrize("law", [LinearElastic, SaintVenantKirchhoff, NeoHookean])
+def test_constants_without_a_finite_positive_stiffness_are_refused(law):
+    for E in (-1e6, 0.0, np.nan, np.array([1e6, -1e6])):
+        with pytest.raises(ValueError, match=r"E = .* must be finite and positive"):
+            law(E, 0.3)
+    for nu in (-1.0, 0.5, 0.6, np.nan, np.array([0.3, 0.5])):
+        with pytest.raises(ValueError, match=r"nu = .* must lie between -1 and 0\.5"):
+            law(1e6, nu)
+    # a traced number cannot be looked at
+    lam, _ = jax.jit(lambda nu: law(1e6, nu).moduli)(0.6)
+    assert lam < 0.0
+
+
 def _rotation() -> jnp.ndarray:
     q, r = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))
     q = q * np.sign(np.diag(r))

@@ -188,6 +188,13 @@ def test_tangent_is_symmetric_with_six_rigid_modes(block):
     assert values[6] > 1e-5 * values[-1]
 
 
+def test_a_wall_without_mass_or_with_a_negative_damper_is_refused():
+    for numbers in ({"rho_s": 0.0}, {"damping": -1.0}, {"support_stiffness": -1.0}):
+        with pytest.raises(ValueError, match=rf"{next(iter(numbers))} = .* must be finite and"):
+            Wall(MATERIALS["linear"], **numbers)
+    assert jax.jit(lambda rho: Wall(MATERIALS["linear"], rho_s=rho).rho_s)(0.0) == 0.0
+
+
 def test_kinetic_energy_of_quadratic_velocities_is_exact(block):
     x, element, shape, _ = block
     if isinstance(element, LinearElement):

@@ -24,9 +24,6 @@ from study.diagnosis_words import sentence, size_of, to_do
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE = "plan.json"
 
-SHOWN_BLOCKS = 12
-"""Blocks of each map that are listed."""
-
 SMALLEST_SHOWN = 1e-4
 """Probability below which a hypothesis is not listed on its own."""
 

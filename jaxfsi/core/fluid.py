@@ -79,8 +79,10 @@ def velocity_gradient(
     return tuple(gradient(component, shape) for component in vector_corners(u, tets))
 
 
-def shear_rate(g: Sequence[Sequence[Float[Array, " tets"]]]) -> Float[Array, " tets"]:
-    """√(2 ε:ε) on each element [1/s], of the velocity's gradient there."""
+def shear_rate(
+    g: Sequence[Sequence[Float[Array, " tets"]]] | Float[Array, "3 3 tets"],
+) -> Float[Array, " tets"]:
+    """√(2 ε:ε) on each element or at each node [1/s], of the velocity's gradient there."""
     square = added((g[i][j] + g[j][i]) ** 2 / 2.0 for i in range(3) for j in range(3))
     # The square root has no derivative at rest.
     moving = square > 0.0

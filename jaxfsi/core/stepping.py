@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.elements import flux
+from jaxfsi.core.elements import area_vectors, flux
 from jaxfsi.core.equations import Step, Unknowns, begin_step, extrapolated
 from jaxfsi.core.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.model import Model
@@ -196,7 +196,5 @@ def at_ports(y: Unknowns, model: Model, step: Step) -> AtPorts:
 def _mean_pressure(
     p: Float[Array, " nodes"], step: Step, faces: Int[Array, "3 faces"]
 ) -> Float[Array, ""]:
-    corner = step.x[:, faces]
-    normal = jnp.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], axis=0)
-    area = jnp.sqrt(jnp.sum(normal**2, axis=0))
+    area = jnp.sqrt(jnp.sum(area_vectors(step.x, faces) ** 2, axis=0))
     return jnp.sum(jnp.mean(p[faces], axis=0) * area) / jnp.sum(area)

@@ -32,7 +32,7 @@ import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements import area_vectors
-from jaxfsi.core.fluid import Blood
+from jaxfsi.core.fluid import Blood, shear_rate
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 
 _RIDGE = 1e-9
@@ -143,10 +143,7 @@ def wall_shear(
     G = wall_gradient(u, x, patches)
     n = wall_normals(x, patches)
     rate = G + jnp.swapaxes(G, 0, 1)
-    square = jnp.sum(rate**2, axis=(0, 1)) / 2.0
-    moving = square > 0.0
-    shear_rate = jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
-    traction = blood.viscosity(shear_rate) * jnp.stack(
+    traction = blood.viscosity(shear_rate(G)) * jnp.stack(
         [rate[i, 0] * n[0] + rate[i, 1] * n[1] + rate[i, 2] * n[2] for i in range(3)]
     )
     along = traction[0] * n[0] + traction[1] * n[1] + traction[2] * n[2]

@@ -22,7 +22,7 @@ from jaxfsi.core.materials import (
     product,
     transposed,
 )
-from jaxfsi.core.solid import Wall, cauchy_stress, deformation_gradients
+from jaxfsi.core.solid import Wall, cauchy_stress, deformation_gradients, inelastic_stress
 from jaxfsi.core.wall_elements import AbstractWallElement
 from lumped.parameters import Parameter
 
@@ -81,9 +81,8 @@ def wall_stress(
 
 def _viscous(F: Tensor, slopes: Tensor, wall: Wall) -> Tensor:
     """Cauchy stress of the Kelvin-Voigt viscosity."""
-    rate = product(transposed(F), slopes)
-    S = combined((wall.damping, rate), (wall.damping, transposed(rate)))
-    return combined((1.0 / determinant(F), product(product(F, S), transposed(F))))
+    stress = inelastic_stress(F, slopes, wall, None)
+    return combined((1.0 / determinant(F), product(stress, transposed(F))))
 
 
 def _stacked(tensor) -> Float[Array, "3 3 tets"]:

@@ -13,8 +13,6 @@ from jaxtyping import Float, Int
 from jaxfsi.fields.frame import write_whole
 from lumped.units import ML_PER_MIN, MMHG
 
-_PORTS = ("P_port", "Q_port")
-
 
 class Record(NamedTuple):
     """All steps of a run.

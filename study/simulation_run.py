@@ -146,7 +146,7 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
 
 def _refusal(path: pathlib.Path, error: CheckpointError, plan: Schedule) -> Fault:
     """Why the checkpoint of a folder cannot be used, in the words of the command line."""
-    cure = "name another folder with --out, or start anew with --restart"
+    cure = "name another folder with --out, or remove this file to start anew (simulate: --restart)"
     if error.n_steps is not None:
         # rounded up, so that the number asks for all the steps
         cycles = math.ceil(round(error.n_steps / plan.per_cycle * 1e4, 6)) / 1e4

@@ -13,7 +13,13 @@ from jaxfsi.anatomy import (
     sample_measures,
     synthetic_anatomy,
 )
-from jaxfsi.anatomy.cohort import N_PUBLISHED, ellipse_perimeter, half_axes
+from jaxfsi.anatomy.cohort import (
+    N_PUBLISHED,
+    Published,
+    ellipse_perimeter,
+    half_axes,
+    truncated_normal,
+)
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +35,12 @@ def test_moments_match_the_table_within_its_sampling_error(large: Measures, name
     assert values.std() == pytest.approx(row.sd, rel=2.0 / np.sqrt(2.0 * N_PUBLISHED))
     assert row.low <= values.min()
     assert values.max() <= row.high
+
+
+def test_moments_that_no_cut_off_normal_has_are_refused() -> None:
+    # even values from 0 to 1 alike deviate by 0.289 only
+    with pytest.raises(ValueError, match="smaller deviation"):
+        truncated_normal(Published(0.5, 0.3, 0.0, 1.0))
 
 
 def test_quantities_derived_from_the_draws_match_the_table(large: Measures) -> None:

@@ -2,11 +2,13 @@
 
 The elastic tube under a burst of pressure on three meshes of one family; its parts timed one by one
 on the middle mesh, with the bytes that each has to read and write against the bandwidth of a plain
-triad measured in the same run; and a gradient in reverse mode against its forward run.
+triad measured in the same run; a gradient in reverse mode against its forward run; and what a first
+and a second process compile.
 """
 
 import concurrent.futures
 import multiprocessing
+import os
 import pathlib
 import resource
 import tempfile
@@ -39,6 +41,7 @@ from jaxfsi.verification.coupled_tube import (
     outlet_pressure_gradient,
 )
 from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_mesh, wave_model
+from study.cache import VARIABLE, use_cache
 
 DT = 1e-4
 CHUNK = 10
@@ -64,6 +67,10 @@ def run(rounds: int) -> dict[str, Any]:
     for part in (*_CASES, "gradient", "reverse mode"):
         with concurrent.futures.ProcessPoolExecutor(1, mp_context=spawn) as process:
             rows += process.submit(_part, part, rounds).result()
+    with tempfile.TemporaryDirectory() as folder:
+        for start in ("first", "second"):
+            with concurrent.futures.ProcessPoolExecutor(1, mp_context=spawn) as process:
+                rows.append(process.submit(_start, f"{start} start, {_PROFILED}", folder).result())
     return {
         "name": "steps",
         "rows": rows,
@@ -75,6 +82,8 @@ def run(rounds: int) -> dict[str, Any]:
             "GB_per_s: bytes of what a part reads and writes at least, over its time.",
             f"error: of pressure and wall displacement {CHUNK} steps later against steps solved to"
             f" {_TIGHT:g}, the larger of both, relative.",
+            "first_s: of a call that compiles; of starts, what it takes longer than the next, in"
+            " new processes that share a compilation cache.",
             "peak_GiB: of a process that does this alone; of the reverse mode, what the compiled"
             " program asks for, without running it.",
         ],
@@ -213,6 +222,18 @@ def _gradient(rounds: int) -> list[dict[str, Any]]:
         }
         for name, found in times.items()
     ]
+
+
+def _start(name: str, folder: str) -> dict[str, Any]:
+    """What the first steps of a process that keeps what it compiles take longer than later ones."""
+    os.environ[VARIABLE] = folder
+    assert use_cache() is not None, folder
+    size, wall_element, tolerance = _CASES[_PROFILED]
+    model = wave_model(wave_mesh(*size), TUBE_WAVE, wall_element=wall_element)
+    stepper, prepare_s = timed(lambda: prepare(DT, model, tolerance=tolerance))
+    begun, first = timed(lambda: march(model, initial_state(model), stepper, CHUNK))
+    _, warm = timed(lambda: march(model, begun.state, stepper, CHUNK))
+    return {"what": name, "prepare_s": prepare_s, "first_s": first - warm}
 
 
 def _reverse_memory() -> list[dict[str, Any]]:

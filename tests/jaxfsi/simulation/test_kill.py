@@ -43,6 +43,7 @@ def _kill_and_resume(content, tmp_path, kills, n_steps, *options):
     hit = ended = 0
     while hit < kills:
         broken = tmp_path / f"broken{ended}"
+        begin = time.monotonic()
         process = _start(broken, n_steps, cache, *options)
         try:
             # the first half is the start of Python and the tracing of the step
@@ -50,6 +51,8 @@ def _kill_and_resume(content, tmp_path, kills, n_steps, *options):
             assert process.returncode == 0
             assert content(broken) == content(whole)
             ended += 1
+            # the machine is less busy than it was
+            span = time.monotonic() - begin
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGKILL)
             process.communicate()

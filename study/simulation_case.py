@@ -41,7 +41,6 @@ from calibration import (
     systemic_windkessel,
 )
 from jaxfsi import Mesh, Region, submesh
-from jaxfsi.core.elements import area_vectors
 from jaxfsi.core.model import Model
 from jaxfsi.core.ports import BlockPort, Port, PressurePort
 from jaxfsi.core.state import State, initial_state
@@ -377,8 +376,10 @@ def _windkessel(case: Case, condition: str, rule: StressRule | None, area: float
 
 
 def _opening_area(mesh: Mesh, name: str) -> float:
-    faces = area_vectors(jnp.asarray(mesh.points.T), jnp.asarray(mesh.labelled(name).T))
-    return float(jnp.linalg.norm(faces, axis=0).sum())
+    # on the host: it is asked for while models are traced
+    corner = mesh.points[mesh.labelled(name)]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    return float(np.linalg.norm(normal, axis=1).sum() / 2.0)
 
 
 def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: Parameter) -> Coronary:

@@ -1,17 +1,24 @@
 """The gap between simulation and measurement: where it lies, what causes it, how far it shrinks."""
 
-from diagnosis.catalogue import CATALOGUE
-from diagnosis.diagnose import Diagnosis, diagnose
-from diagnosis.effects import PLACES, Effect, apply_effects, find_effect
-from diagnosis.gap import RATIO_SD, RatioGap, ratio_gap
-from diagnosis.measured import SCALARS, SENSORS, Measured
-from diagnosis.record import (
-    RICHNESS,
-    Noise,
-    Record,
-    RecordedCondition,
-    measured,
-    noise_of,
-    stacked,
-)
-from diagnosis.verdict import Judgement
+from typing import TYPE_CHECKING
+
+from lumped.lazy_package import import_on_first_use
+
+if TYPE_CHECKING:
+    from diagnosis.catalogue import CATALOGUE
+    from diagnosis.diagnose import Diagnosis, diagnose
+    from diagnosis.effects import PLACES, Effect, apply_effects, find_effect
+    from diagnosis.gap import RATIO_SD, RatioGap, ratio_gap
+    from diagnosis.measured import SCALARS, SENSORS, Measured
+    from diagnosis.record import (
+        RICHNESS,
+        Noise,
+        Record,
+        RecordedCondition,
+        measured,
+        noise_of,
+        stacked,
+    )
+    from diagnosis.verdict import Judgement
+
+import_on_first_use(__name__)

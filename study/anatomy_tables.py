@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from jaxfsi.anatomy import PARAMETER_RANGES
+from jaxfsi.anatomy.parameters import PARAMETER_RANGES
 from lumped.units import MM
 from study.case_anatomy import (
     FIRST_STATE,

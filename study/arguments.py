@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from diagnosis import RICHNESS
-from jaxfsi.meshing.sizes import PRESETS
+from jaxfsi.meshing.presets import PRESETS
 from study.cache import VARIABLE
 from study.mesh_results import FORMATS
 

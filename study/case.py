@@ -9,7 +9,6 @@ import pathlib
 from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
-from lumped.parameters import Parameter
 from study.beat import Beat
 from study.case_anatomy import Anatomy, IvusAnatomy
 from study.case_tables import key_homes, read_tables
@@ -17,6 +16,9 @@ from study.document import read_document
 from study.faults import CaseError, Fault
 from study.schema import FREE_TEXT
 from study.tables import Context
+
+Number = Any
+"""A float, or an array of JAX where a result is differentiated by it; cases do without JAX."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,8 +76,8 @@ class Condition:
 
     name: str
     kind: Literal["rest", "stress"]
-    P_systolic: Parameter
-    P_diastolic: Parameter
+    P_systolic: Number
+    P_diastolic: Number
     period: float
     cardiac_output: float | None = None
     stroke_volume: float | None = None

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from jaxfsi.meshing.sizes import PRESETS
+from jaxfsi.meshing.presets import PRESETS
 from study.advice import nearest
 from study.anatomy_tables import KINDS, read_anatomy
 from study.beat import read_beat

@@ -25,6 +25,9 @@ with install_import_hook(
     import study
 
     _PACKAGES = (lumped, jaxfsi, calibration, diagnosis, study)
+    for package in _PACKAGES:  # names are imported on first use, and checked only in here
+        for name in dir(package):
+            getattr(package, name)
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")

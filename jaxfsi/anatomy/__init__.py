@@ -1,71 +1,78 @@
 """Anatomies: the lumen and the wall of the vessels as implicit functions with named openings."""
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening, PointFunction
-from jaxfsi.anatomy.cohort import (
-    PUBLISHED,
-    Measures,
-    Published,
-    anatomy_from_measures,
-    resistance_index,
-    sample_anatomies,
-    sample_measures,
-)
-from jaxfsi.anatomy.ct_course import AortaFit, fit_aorta, read_centerline
-from jaxfsi.anatomy.curves import (
-    Curve,
-    CurveCoordinates,
-    at_arc_length,
-    bezier_points,
-    curve_coordinates,
-    curve_through,
-    extended,
-    polyline_points,
-    rotation_minimising_normals,
-)
-from jaxfsi.anatomy.grid import Grid, sample_near_zero
-from jaxfsi.anatomy.implicit import (
-    Foot,
-    Tube,
-    elliptic_contours,
-    polar_contours,
-    smooth_minimum,
-    surface_points,
-    tube,
-    tube_foot,
-)
-from jaxfsi.anatomy.ivus import IvusOptions, ivus_anatomy
-from jaxfsi.anatomy.loft import eccentric_sections, lofted
-from jaxfsi.anatomy.parameters import (
-    PARAMETER_RANGES,
-    ParameterFault,
-    SyntheticAnatomy,
-    adult_anatomy,
-    check_parameters,
-    coronary_diameter,
-    paediatric_anatomy,
-    parameter_faults,
-    scaled_anatomy,
-)
-from jaxfsi.anatomy.pullback import Pullback, read_pullback
-from jaxfsi.anatomy.sections import (
-    Section,
-    anatomy_sections,
-    centerline_point,
-    lumen_outline,
-    lumen_section,
-    measured_section,
-    plane_axes,
-    surface_outline,
-    surface_section,
-)
-from jaxfsi.anatomy.surface import Cut, SurfaceOptions, surface_anatomy
-from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
-from jaxfsi.anatomy.triangles import Triangles, read_triangles
-from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
-from jaxfsi.anatomy.wall import (
-    offset_by_class,
-    requested_thickness,
-    thickness_from_radius,
-    wall_distance,
-    wall_function,
-)
+from typing import TYPE_CHECKING
+
+from lumped.lazy_package import import_on_first_use
+
+if TYPE_CHECKING:
+    from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening, PointFunction
+    from jaxfsi.anatomy.cohort import (
+        PUBLISHED,
+        Measures,
+        Published,
+        anatomy_from_measures,
+        resistance_index,
+        sample_anatomies,
+        sample_measures,
+    )
+    from jaxfsi.anatomy.ct_course import AortaFit, fit_aorta, read_centerline
+    from jaxfsi.anatomy.curves import (
+        Curve,
+        CurveCoordinates,
+        at_arc_length,
+        bezier_points,
+        curve_coordinates,
+        curve_through,
+        extended,
+        polyline_points,
+        rotation_minimising_normals,
+    )
+    from jaxfsi.anatomy.grid import Grid, sample_near_zero
+    from jaxfsi.anatomy.implicit import (
+        Foot,
+        Tube,
+        elliptic_contours,
+        polar_contours,
+        smooth_minimum,
+        surface_points,
+        tube,
+        tube_foot,
+    )
+    from jaxfsi.anatomy.ivus import IvusOptions, ivus_anatomy
+    from jaxfsi.anatomy.loft import eccentric_sections, lofted
+    from jaxfsi.anatomy.parameters import (
+        PARAMETER_RANGES,
+        ParameterFault,
+        SyntheticAnatomy,
+        adult_anatomy,
+        check_parameters,
+        coronary_diameter,
+        paediatric_anatomy,
+        parameter_faults,
+        scaled_anatomy,
+    )
+    from jaxfsi.anatomy.pullback import Pullback, read_pullback
+    from jaxfsi.anatomy.sections import (
+        Section,
+        anatomy_sections,
+        centerline_point,
+        lumen_outline,
+        lumen_section,
+        measured_section,
+        plane_axes,
+        surface_outline,
+        surface_section,
+    )
+    from jaxfsi.anatomy.surface import Cut, SurfaceOptions, surface_anatomy
+    from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
+    from jaxfsi.anatomy.triangles import Triangles, read_triangles
+    from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
+    from jaxfsi.anatomy.wall import (
+        offset_by_class,
+        requested_thickness,
+        thickness_from_radius,
+        wall_distance,
+        wall_function,
+    )
+
+import_on_first_use(__name__)

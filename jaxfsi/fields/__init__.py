@@ -1,12 +1,19 @@
 """Fields of a state for people to look at: wall shear, wall stress, files that ParaView opens."""
 
-from jaxfsi.fields.frame import Grid, write_whole
-from jaxfsi.fields.series import Entry, frame_name, read_series, write_series
-from jaxfsi.fields.wall_shear import (
-    WallPatches,
-    wall_gradient,
-    wall_normals,
-    wall_patches,
-    wall_shear,
-)
-from jaxfsi.fields.wall_stress import WallStress, wall_stress
+from typing import TYPE_CHECKING
+
+from lumped.lazy_package import import_on_first_use
+
+if TYPE_CHECKING:
+    from jaxfsi.fields.frame import Grid, write_whole
+    from jaxfsi.fields.series import Entry, frame_name, read_series, write_series
+    from jaxfsi.fields.wall_shear import (
+        WallPatches,
+        wall_gradient,
+        wall_normals,
+        wall_patches,
+        wall_shear,
+    )
+    from jaxfsi.fields.wall_stress import WallStress, wall_stress
+
+import_on_first_use(__name__)

@@ -1,16 +1,23 @@
 """From an anatomy to a labelled, conforming mesh of blood and wall."""
 
-from jaxfsi.meshing.build import MeshReport, MeshResult, build_mesh
-from jaxfsi.meshing.fidelity import Fidelity, elements_across, mesh_fidelity
-from jaxfsi.meshing.fill import BACKENDS, Backend, Filling, fill_surfaces
-from jaxfsi.meshing.isolate import MeshingError
-from jaxfsi.meshing.isosurface import Surface
-from jaxfsi.meshing.labels import find_openings, label_faces, labelled_mesh, outward
-from jaxfsi.meshing.quality import Quality, Spread, ThroughEdges, mesh_quality, through_edges
-from jaxfsi.meshing.sizes import PRESETS
-from jaxfsi.meshing.strip import strip
-from jaxfsi.meshing.surface_topology import SurfaceTopology, enclosed_volume, surface_topology
-from jaxfsi.meshing.tet_quality import TetQuality, tet_quality
-from jaxfsi.meshing.thickness import Exit, WallThickness, wall_thickness
-from jaxfsi.meshing.topology import Fault, TopologyReport, check_topology
-from jaxfsi.meshing.tube import bent, elliptic, mapped, ring, tube
+from typing import TYPE_CHECKING
+
+from lumped.lazy_package import import_on_first_use
+
+if TYPE_CHECKING:
+    from jaxfsi.meshing.build import MeshReport, MeshResult, build_mesh
+    from jaxfsi.meshing.fidelity import Fidelity, elements_across, mesh_fidelity
+    from jaxfsi.meshing.fill import BACKENDS, Backend, Filling, fill_surfaces
+    from jaxfsi.meshing.isolate import MeshingError
+    from jaxfsi.meshing.isosurface import Surface
+    from jaxfsi.meshing.labels import find_openings, label_faces, labelled_mesh, outward
+    from jaxfsi.meshing.presets import PRESETS
+    from jaxfsi.meshing.quality import Quality, Spread, ThroughEdges, mesh_quality, through_edges
+    from jaxfsi.meshing.strip import strip
+    from jaxfsi.meshing.surface_topology import SurfaceTopology, enclosed_volume, surface_topology
+    from jaxfsi.meshing.tet_quality import TetQuality, tet_quality
+    from jaxfsi.meshing.thickness import Exit, WallThickness, wall_thickness
+    from jaxfsi.meshing.topology import Fault, TopologyReport, check_topology
+    from jaxfsi.meshing.tube import bent, elliptic, mapped, ring, tube
+
+import_on_first_use(__name__)

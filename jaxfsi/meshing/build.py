@@ -34,7 +34,7 @@ from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
 from jaxfsi.meshing.projection import balance, project
 from jaxfsi.meshing.quality import Quality, mesh_quality
 from jaxfsi.meshing.remesh import remesh_surfaces
-from jaxfsi.meshing.sizes import PRESETS, SizeField, choose_sizes, sample_surface
+from jaxfsi.meshing.sizes import SizeField, choose_sizes, sample_surface
 from jaxfsi.meshing.topology import TopologyReport, check_topology
 
 Progress = Callable[[str, float], None]

@@ -25,8 +25,6 @@ from jaxfsi.anatomy import Anatomy
 from jaxfsi.meshing.isosurface import Surface
 from jaxfsi.meshing.projection import gradients
 
-PRESETS = {"coarse": 30_000, "medium": 150_000, "fine": 500_000}
-
 _PER_RADIUS = 0.5
 _PER_THICKNESS = 1.5
 _GROWTH = 0.35

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from study.patient import Model, Patient, Vessel, load_patient
     from study.pipeline import CaseResult, Run, run_case
     from study.progress import Progress
+    from study.record_template import record_template
     from study.report import html_report
     from study.results import case_document, load_document, to_json
     from study.sweep import sweep_case

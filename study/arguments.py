@@ -24,7 +24,7 @@ tuned to one patient. Research software, not a medical device.
 
 _EPILOG = f"""\
 examples:
-  jaxfsi template > case.toml             start a case file
+  jaxfsi template > case.toml             start a case file; --record a measured record
   jaxfsi run --demo                       the real patient that comes with the package
   jaxfsi run case.toml                    results in case-results/, report.html first
   jaxfsi mesh case.toml                   mesh of blood and wall, with pictures
@@ -160,11 +160,15 @@ examples:
 """,
     ),
     "template": (
-        "print a commented case file to start from",
+        "print a commented case file or record to start from",
         """\
 examples:
   jaxfsi template > case.toml
-  jaxfsi template --out new-patient       writes new-patient/case.toml
+  jaxfsi template --out new-patient             writes new-patient/case.toml
+  jaxfsi template --record --out new-record     writes new-record/record.toml and rest.csv
+
+a case is what is known of a patient, for run and study; a record is what was measured, for
+diagnose.
 """,
     ),
 }
@@ -229,6 +233,9 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
         metavar="CONDITION",
         help="measure the gap in 3D as well, in these conditions (default: all), with the mesh of "
         "the finished study of --case",
+    )
+    parsers["template"].add_argument(
+        "--record", action="store_true", help="a measured record, with an example of its traces"
     )
     parsers["show"].add_argument("result", type=pathlib.Path, metavar="RESULT", help="its folder")
     for name, command in parsers.items():

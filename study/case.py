@@ -118,12 +118,14 @@ class SurrogateParameters:
         K: quadratic loss [dyn·s²/cm⁸]; None where it is not given.
         C0: compliance [cm⁵/dyn].
         law: `linear` leaves K out.
+        R0_sd_log: standard deviation of log R0 [-], if known.
     """
 
     R0: float | None = None
     K: float | None = None
     C0: float = 1.0e-7
     law: Literal["linear", "quadratic"] = "linear"
+    R0_sd_log: float | None = None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,7 +9,8 @@ from study.advice import nearest
 from study.anatomy_tables import KINDS, read_anatomy
 from study.beat import read_beat
 from study.faults import printable, shown_key
-from study.schema import FREE_TEXT, Key, Location, Quantity, Value, Word
+from study.losses_table import R0, K, read_losses
+from study.schema import FREE_TEXT, Key, Location, Quantity, Value, Word, spellings
 from study.tables import Context, check_order, read_free_texts, read_table
 
 FFR_MEANING = (
@@ -76,8 +77,8 @@ CORONARY = (
     ),
 )
 SURROGATE = (
-    Quantity("R0", "resistance", "dyn_s_per_cm5", 10.0, 1.0e7),
-    Quantity("K", "quadratic loss", "dyn_s2_per_cm8", 0.0, 1.0e7),
+    R0,
+    K,
     Quantity("C0", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 1.0e-7),
     Word("law", ("linear", "quadratic"), default="linear"),
 )
@@ -119,7 +120,7 @@ TABLES = ("patient", "anatomy", "blood", "wall", "condition", *PLAIN, "stress")
 _OUTPUT_SLACK = 0.1
 """Stroke volume and cardiac output are rounded, and of neighbouring minutes."""
 
-_CONDITION_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
+CONDITION_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,39}"
 
 
 def key_homes() -> dict[str, str]:
@@ -134,7 +135,7 @@ def key_homes() -> dict[str, str]:
     ]
     homes: dict[str, str] = {}
     for heading, keys in tables:
-        for key in keys:
+        for key in (spelled for one in keys for spelled in spellings(one)):
             homes.setdefault(key.key, heading)
     return homes | {"kind": "[anatomy]"}
 
@@ -155,7 +156,8 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     values: dict[str, Any] = {}
     for name, keys in PLAIN.items():
         if name in document or name not in meant:
-            values[name] = read_table(document.get(name, {}), name, keys, context)
+            reading = read_losses if name == "surrogate" else read_table
+            values[name] = reading(document.get(name, {}), name, keys, context)
     values["anatomy"] = (
         read_anatomy(document["anatomy"], context) if "anatomy" in document else None
     )
@@ -163,7 +165,8 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     values["condition"] = _read_conditions(document.get("condition", {}), context)
     values["stress"] = _read_stress(document.get("stress", {}), context)
     surrogate = document.get("surrogate")
-    if isinstance(surrogate, dict) and "law" not in surrogate and "K_dyn_s2_per_cm8" in surrogate:
+    given = surrogate if isinstance(surrogate, dict) else {}
+    if "law" not in given and any(key.key in given for key in spellings(K)):
         context.add(
             "surrogate.law",
             None,
@@ -213,6 +216,12 @@ def _read_wall(table: object, context: Context) -> dict[str, Value]:
 
 
 def _read_conditions(table: object, context: Context) -> dict[str, dict[str, Any]]:
+    tables = condition_tables(table, context)
+    return {name: _read_condition(name, value, context) for name, value in tables.items()}
+
+
+def condition_tables(table: object, context: Context) -> dict[str, dict[str, Any]]:
+    """The table below each heading [condition.NAME]; faults go to the context."""
     if not isinstance(table, dict):
         cure = "write each condition as a table of its own, [condition.rest]"
         context.add("condition", None, "a table for each condition is expected", cure)
@@ -226,7 +235,7 @@ def _read_conditions(table: object, context: Context) -> dict[str, dict[str, Any
         if not isinstance(value, dict):
             cure = "put it below the heading of a condition, such as [condition.rest]"
             context.add(place, value, "the key belongs to no condition", cure)
-        elif not _CONDITION_NAME.fullmatch(name):
+        elif not re.fullmatch(CONDITION_NAME, name):
             cure = f"rename it, e.g. [condition.{re.sub(r'[^A-Za-z0-9]+', '_', name)[:40] or 'a'}]"
             allowed = "a letter, then letters, digits, _ and -, at most 40"
             context.add(place, None, "not a valid name of a condition", cure, allowed)
@@ -234,7 +243,7 @@ def _read_conditions(table: object, context: Context) -> dict[str, dict[str, Any
             cure = "write [condition.rest], in small letters"
             context.add(place, None, "the condition at rest is named rest", cure)
         else:
-            conditions[name] = _read_condition(name, value, context)
+            conditions[name] = value
     return conditions
 
 

@@ -39,6 +39,7 @@ from study.pipeline import run_case
 from study.progress import Progress
 from study.provenance import provenance
 from study.record_command import diagnose_command, plan_command
+from study.record_template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
 from study.report import html_report, simulation_report
 from study.results import (
     MESH_FILE,
@@ -310,12 +311,16 @@ def _show_result(options: argparse.Namespace) -> None:
 
 
 def _template(options: argparse.Namespace) -> None:
-    text, written = case_template(), []
+    files = {CASE_FILE: case_template()}
+    if options.record:
+        files = {EXAMPLE_FILE: example_traces(), RECORD_FILE: record_template()}
+    text, written = list(files.values())[-1], []
     if options.out is not None:
         folder = check_folder(options.out)
-        if (folder / CASE_FILE).exists():
-            raise OutputRefused(f"{folder / CASE_FILE}: exists already. Name another --out.")
-        written = write_files(folder, {CASE_FILE: text})
+        for name in files:
+            if (folder / name).exists():
+                raise OutputRefused(f"{folder / name}: exists already. Name another --out.")
+        written = write_files(folder, files)
     if options.json:
         print(to_json({"template": text, "files": [str(path) for path in written]}), end="")
     elif not written:

@@ -13,10 +13,8 @@ from study.faults import CaseError, Fault
 from study.progress import Progress
 from study.provenance import origin
 from study.record_file import record_path
+from study.record_tables import R0_SD_LOG
 from study.results import STUDY_FILE, load_document
-
-CASE_SD_LOG = 0.15
-"""Log-sd of a resistance that comes from a patient's own anatomy."""
 
 STEPS = {
     "fitting the base model": 8.0,
@@ -91,7 +89,8 @@ def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
     case = read_case(place)
     if case.surrogate.R0 is not None:
         R0 = float(case.surrogate.R0) / MMHG_S_PER_ML
-        return _changed(record, R0, f"was taken from {case.path.name}")
+        how = f"was taken from {case.path.name}"
+        return _changed(record, R0, how, case.surrogate.R0_sd_log or R0_SD_LOG)
     beside = case.path.parent / f"{case.path.stem}-results"
     if (beside / STUDY_FILE).is_file():
         return _with_ramp(record, beside)
@@ -115,7 +114,7 @@ def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
     a, b, tangent = (float(ramp[k]) / MMHG_S_PER_ML for k in ("a", "b", "tangent_40_mmHg"))
     if a > 0.0 and b > 0.0:
         L = max(float(ramp["inertance"]) / MMHG_S_PER_ML, 0.0)
-        known = dataclasses.replace(record, R0=a, R0_sd_log=CASE_SD_LOG, K=b, L=L)
+        known = dataclasses.replace(record, R0=a, R0_sd_log=R0_SD_LOG, K=b, L=L)
         return known, (
             f"R0 = {a:.3g} mmHg s/ml, K = {b:.3g} mmHg s2/ml2 and L = {L:.3g} mmHg s2/ml are the "
             f"curve of the ramp in {place.name}."
@@ -147,6 +146,6 @@ def _drop_at_rest(record: Record) -> float | None:
     return None
 
 
-def _changed(record: Record, R0: float, how: str) -> tuple[Record, str]:
-    changed = dataclasses.replace(record, R0=R0, R0_sd_log=CASE_SD_LOG)
+def _changed(record: Record, R0: float, how: str, sd_log: float = R0_SD_LOG) -> tuple[Record, str]:
+    changed = dataclasses.replace(record, R0=R0, R0_sd_log=sd_log)
     return changed, f"R0 = {R0:.3g} mmHg s/ml {how}."

@@ -12,11 +12,10 @@ from lumped.units import ML_PER_MIN
 from study.document import read_document
 from study.faults import CaseError
 from study.record_beats import read_beats
-from study.record_tables import homes, read_record_tables
+from study.record_tables import homes, old_spelling, read_record_tables
+from study.record_template import RECORD_FILE
 from study.schema import FREE_TEXT
 from study.tables import Context
-
-RECORD_FILE = "record.toml"
 
 MEAN_SLIP = 0.15
 """Relative difference between a stated mean and that of the trace beyond which one is wrong."""
@@ -62,7 +61,17 @@ def read_record(path: pathlib.Path, *, needs_data: bool = True) -> tuple[Record,
         **noise,
         **values["prior"],
     )
-    return record, _remarks(record)
+    return record, (*_remarks(record), *_spelling(document))
+
+
+def _spelling(document: dict[str, Any]) -> tuple[str, ...]:
+    old = old_spelling(document)
+    if not old:
+        return ()
+    return (
+        "The record is written in an older spelling, which is still read. As in a case file, write "
+        f"{'; '.join(old)} (jaxfsi template --record shows it).",
+    )
 
 
 def _condition(entry: Mapping[str, Any], context: Context) -> RecordedCondition | None:
@@ -132,7 +141,7 @@ def _remarks(record: Record) -> tuple[str, ...]:
 def record_files(record: Record) -> dict[str, str]:
     """The files of a record as text by name, `record.toml` last; what `read_record` reads."""
     files: dict[str, str] = {}
-    lines = [f'id = "{record.id}"']
+    lines = ["[patient]", f'id = "{record.id}"']
     stated = {
         "pressure_sd_mmHg": record.pressure_sd,
         "pressure_offset_sd_mmHg": record.pressure_offset_sd,
@@ -143,11 +152,11 @@ def record_files(record: Record) -> dict[str, str]:
         lines += ["", "[noise]"]
         lines += [f"{key} = {value:.10g}" for key, value in stated.items() if value is not None]
     prior = f"{{ value = {record.R0:.10g}, sd_log = {record.R0_sd_log:.10g} }}"
-    lines += ["", "[prior]", f"R0_mmHg_s_per_ml = {prior}"]
+    lines += ["", "[surrogate]", f"R0_mmHg_s_per_ml = {prior}"]
     rest = {"K_mmHg_s2_per_ml2": record.K, "L_mmHg_s2_per_ml": record.L}
     lines += [f"{key} = {value:.10g}" for key, value in rest.items() if value is not None]
     for c in record.conditions:
-        lines += ["", "[[condition]]", f'name = "{c.name}"', f'drug = "{c.drug}"']
+        lines += ["", f"[condition.{c.name}]", f'drug = "{c.drug}"']
         lines += [f"order = {c.order}", f"held_out = {str(c.held_out).lower()}"]
         numbers = {
             "period_s": c.period,

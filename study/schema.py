@@ -64,6 +64,8 @@ class Quantity:
         whole: whether only whole numbers are accepted.
         aliases: other names that users give to the quantity, recognised to name the right key.
         advice: a sentence that explains the range.
+        also: further units that the key may end in.
+        label: the key where it does not end in the unit; empty for `name_unit`.
     """
 
     name: str
@@ -77,11 +79,13 @@ class Quantity:
     whole: bool = False
     aliases: tuple[str, ...] = ()
     advice: str = ""
+    also: tuple[str, ...] = ()
+    label: str = ""
 
     @property
     def key(self) -> str:
         """The key in the file, `name_unit`."""
-        return f"{self.name}_{self.unit}" if self.unit else self.name
+        return self.label or (f"{self.name}_{self.unit}" if self.unit else self.name)
 
     @property
     def allowed(self) -> str:
@@ -142,6 +146,25 @@ class Location:
 
 Key = Quantity | Word | Location
 Value = float | str | pathlib.Path | None
+
+
+def spellings(key: Key) -> tuple[Key, ...]:
+    """The key in each unit that it may end in, its own first."""
+    if not isinstance(key, Quantity):
+        return (key,)
+    return (key, *(_in_unit(key, unit) for unit in key.also))
+
+
+def _in_unit(key: Quantity, unit: str) -> Quantity:
+    low, high = (_stated_in(unit, bound, key) for bound in (key.low, key.high))
+    default = None if key.default is None else _stated_in(unit, key.default, key)
+    return dataclasses.replace(key, unit=unit, low=low, high=high, default=default)
+
+
+def _stated_in(unit: str, value: float, quantity: Quantity) -> float:
+    """A value in the unit of the quantity, in another unit of its dimension."""
+    factors = UNITS[quantity.dimension]
+    return value * factors[quantity.unit] / factors[unit]
 
 
 def readable(unit: str) -> str:

@@ -13,7 +13,20 @@ from typing import Any
 
 from study.advice import explain_wrong_unit, nearest, range_cure
 from study.faults import Fault, shown, shown_key
-from study.schema import FREE_TEXT, Key, Location, Quantity, Value, Word, readable, to_cgs
+from study.schema import (
+    FREE_TEXT,
+    Key,
+    Location,
+    Quantity,
+    Value,
+    Word,
+    readable,
+    spellings,
+    to_cgs,
+)
+
+ROUNDING = 0.005
+"""Relative difference up to which two statements of one value are the same, rounded."""
 
 _NUMBER_IN_QUOTES = re.compile(r"\s*[-+]?[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?\s*")
 
@@ -40,7 +53,7 @@ class Context:
 
 
 def read_table(
-    table: object, heading: str, keys: Sequence[Key], context: Context
+    table: object, heading: str, keys: Sequence[Key], context: Context, *, written: str = ""
 ) -> dict[str, Value]:
     """Read the keys of one table; faults go to the context.
 
@@ -49,11 +62,13 @@ def read_table(
         heading: its dotted name, `condition.rest`.
         keys: the keys that it takes, besides the free texts.
         context: where faults and free texts are collected.
+        written: how the file names the table, for the cures; by default `below [heading]`.
 
     Returns:
         Value by name, numbers in CGS; None for a key that is absent or at fault.
     """
     values: dict[str, Value] = {key.name: _default(key) for key in keys}
+    written = written or f"below [{heading}]"
     if not isinstance(table, dict):
         context.add(
             heading,
@@ -62,26 +77,37 @@ def read_table(
             f"write [{heading}] on a line of its own and the keys below it",
         )
         return values
-    known = {key.key: key for key in keys}
+    known = {key.key: key for one in keys for key in spellings(one)}
+    first: dict[str, str] = {}
     meant: set[str] = set()
     for name, value in table.items():
         if name in known:
             key = known[name]
-            values[key.name] = _read_value(key, value, f"{heading}.{name}", context)
+            found = _read_value(key, value, f"{heading}.{name}", context)
+            other = first.setdefault(key.name, name)
+            if other != name and contradict(found, values[key.name]):
+                problem = f"contradicts {other} = {shown(table[other])}"
+                context.add(f"{heading}.{name}", value, problem, "remove one of the two")
+            values[key.name] = found if other == name else values[key.name]
         elif name in FREE_TEXT:
             _read_free_text(name, value, heading, context)
         else:
             meant.add(_refuse_unknown(name, value, heading, keys, table, context))
     for key in keys:
-        if key.required and key.key not in table and key.key not in meant:
-            context.add(
-                f"{heading}.{key.key}",
-                None,
-                "required, but missing",
-                f"add {key.key} = ... below [{heading}]",
-                key.allowed,
-            )
+        if key.required and key.name not in first and key.key not in meant:
+            value = "..." if isinstance(key, Quantity) else '"..."'
+            cure = f"add {key.key} = {value} {written}"
+            context.add(f"{heading}.{key.key}", None, "required, but missing", cure, key.allowed)
     return values
+
+
+def contradict(one: object, other: object) -> bool:
+    """Whether two statements of one value differ by more than rounding; None says nothing."""
+    if one is None or other is None:
+        return False
+    if isinstance(one, float) and isinstance(other, float):
+        return not math.isclose(one, other, rel_tol=ROUNDING)
+    return one != other
 
 
 def _default(key: Key) -> Value:
@@ -184,7 +210,7 @@ def _refuse_unknown(
 ) -> str:
     """Add the fault of an unknown key; returns the key that was probably meant, or nothing."""
     place = f"{heading}.{shown_key(name)}"
-    names = [key.key for key in keys]
+    names = [key.key for one in keys for key in spellings(one)]
     valid = "keys " + ", ".join([*names, *FREE_TEXT])
     wrong_unit = explain_wrong_unit(name, value, [k for k in keys if isinstance(k, Quantity)])
     if name in context.homes:

@@ -82,10 +82,11 @@ period_s = 0.45
 
 # The anomalous artery in 0D, dP = R0 Q + K Q |Q|.
 [surrogate]
-R0_dyn_s_per_cm5 = 5.0e3            # may be left out with an ivus anatomy
+R0_dyn_s_per_cm5 = 5.0e3            # or R0_mmHg_s_per_ml = 3.75; with an sd of its logarithm:
+# R0_dyn_s_per_cm5 = { value = 5.0e3, sd_log = 0.15 }; may be left out with an ivus anatomy
 #C0_cm5_per_dyn = 1.0e-7
 #law = "linear"                     # linear | quadratic
-#K_dyn_s2_per_cm8 = 1.0e3           # example; used where law = "quadratic"
+#K_dyn_s2_per_cm8 = 1.0e3           # example, or K_mmHg_s2_per_ml2; used where law = "quadratic"
 
 # From rest to stress: "printed" or "all" (two readings of the published rule), or own factors.
 #[stress]

@@ -89,9 +89,9 @@ def backward_flow(rng: np.random.Generator, files: Files) -> Files:
 
 def no_condition(rng: np.random.Generator, files: Files) -> Files:
     """A condition was not measured."""
-    head, *parts = files["record.toml"].split("\n[[condition]]")
+    head, *parts = files["record.toml"].split("\n[condition.")
     del parts[int(rng.integers(len(parts)))]
-    return {**files, "record.toml": "\n[[condition]]".join([head, *parts])}
+    return {**files, "record.toml": "\n[condition.".join([head, *parts])}
 
 
 def odd_value(rng: np.random.Generator, files: Files) -> Files:

@@ -165,7 +165,7 @@ BAD_EDITS = {
     "missing key": (
         "period_s = 0.45\n", "", "condition.dobutamine.period_s", "add period_s = ...",
     ),
-    "missing id": ('id = "anomalous-rca-01"\n', "", "patient.id", "add id = ..."),
+    "missing id": ('id = "anomalous-rca-01"\n', "", "patient.id", 'add id = "..."'),
     "id that is no file name": (
         '"anomalous-rca-01"', '"../other"', "patient.id", "a name that can be a file name",
     ),
@@ -211,7 +211,7 @@ BAD_EDITS = {
     "number for a free text": ('"invented"', "3", "patient.source", 'write source = "..."'),
     "unknown choice": ('"coarse"', '"coarsest"', "mesh.preset", 'write "coarse"'),
     "unknown kind of anatomy": ('"ivus"', '"ct"', "anatomy.kind", '"mesh"'),
-    "missing kind of anatomy": ('kind = "ivus"\n', "", "anatomy.kind", "add kind = ..."),
+    "missing kind of anatomy": ('kind = "ivus"\n', "", "anatomy.kind", 'add kind = "..."'),
     "missing contours": (
         'contours = "contours.csv"\n', "", "anatomy.contours", "tab-separated frame, x, y, z",
     ),

@@ -72,8 +72,8 @@ def test_damaged_records_are_refused_with_a_cause(name, tmp_path, files):
 
 
 def test_a_record_without_rest_is_read_with_a_remark(tmp_path, files):
-    head, *parts = files["record.toml"].split("\n[[condition]]")
-    text = "\n[[condition]]".join([head, *parts[1:]])
+    head, *parts = files["record.toml"].split("\n[condition.")
+    text = "\n[condition.".join([head, *parts[1:]])
     _, remarks = read_record(write(tmp_path / "r", {**files, "record.toml": text}))
     assert any("no measurement at rest" in remark for remark in remarks)
 

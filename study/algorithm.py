@@ -188,11 +188,13 @@ def open_bench(
         CaseError: no mesh can be made, or it lacks an opening.
     """
     state = states_of(case)[0]
-    mesh = mesh_state(case, state, progress).mesh
+    found = mesh_state(case, state, progress)
+    mesh = found.mesh
     check_openings(case, mesh, rigid=False)
     anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
     site = aortic_site(mesh, anatomy)
-    return Bench(case, mesh, mesh_key(case, state), folder, choice, progress, site), anatomy
+    key = mesh_key(case, state)
+    return Bench(case, mesh, key, folder, choice, progress, site, found.made), anatomy
 
 
 def with_curve(bench: Bench, a: float, b: float) -> Bench:
@@ -351,7 +353,8 @@ def _motion(
     for part in runs:
         folder = bench.folder / part["folder"] / FIELD_FOLDER
         name = name_of(part)
-        key = stage_key("motion", run_key(bench, name), len(read_series(folder / "fields.pvd")))
+        frames = len(read_series(folder / "fields.pvd"))
+        key = stage_key("reading", "motion", run_key(bench, name), frames)
 
         def compute(folder=folder, period=part["period_s"]) -> Any:
             entries = read_series(folder / "fields.pvd")

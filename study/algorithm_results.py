@@ -6,7 +6,9 @@ from typing import Any
 from study.algorithm import CURVE, LOOP, NOMINAL, PAPER, StudyResult, shown_runs
 from study.case import WindkesselParameters
 from study.findings import FFR_THRESHOLD
+from study.kept_parts import computed_parts, older_parts
 from study.lumen_motion import measured_states
+from study.numerics import decided_by
 from study.patient import LINEAR, QUADRATIC
 from study.pipeline import CALIBRATED, FIXED
 from study.ramp_run import ramp_part
@@ -42,13 +44,16 @@ def study_document(
         provenance: see `study.provenance`.
     """
     case, loop = result.bench.case, result.loop
+    folders = [run["folder"].split("/")[-1] for run in result.runs]
+    computed = computed_parts(result.bench, folders, list(result.sensitivities))
+    older = [("info", text) for text in older_parts(computed)]
     return {
         "format": FORMAT,
         "kind": "study",
         "patient": case.id,
         "rule": case.stress.rule,
         "verdict": study_verdict(result),
-        "notes": [{"level": level, "text": text} for level, text in _notes(result)],
+        "notes": [{"level": level, "text": text} for level, text in [*_notes(result), *older]],
         "rest_ratio_measured": case.conditions["rest"].ffr,
         "ramp": ramp_part(result.record, result.fit, result.choice.ramp),
         "calibrations": list(_calibrations(result)),
@@ -80,6 +85,8 @@ def study_document(
         "picture_times_s": {name: part.times for name, part in drawn.items()},
         "picture_notes": sorted({part.note for part in drawn.values() if part.note}),
         "films": films,
+        "computed": computed,
+        "numerics": decided_by("study"),
         "provenance": provenance,
     }
 

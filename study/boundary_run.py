@@ -116,8 +116,8 @@ def driven_beat(bench: Bench, folder: str, drive: Drive) -> Beat:
         beat = _beat(bench, folder, outcome.record, setup)
         return {name: [float(f"{v:.7g}") for v in wave] for name, wave in beat._asdict().items()}
 
-    site = None if bench.site is None else bench.site.tolist()
-    kept = bench.stages.value(f"beat-{folder}", stage_key(key, "site", site), compute)
+    stage = stage_key("reading", key, bench.site)
+    kept = bench.stages.value(f"beat-{folder}", stage, compute)
     return Beat(**{name: np.array(wave) for name, wave in kept.items()})
 
 
@@ -130,7 +130,7 @@ def drive_key(bench: Bench, drive: Drive) -> str:
     image = float(image_pressure(case, "rest"))
     given = (fingerprint(drive.bed), fingerprint(drive.P_inlet))
     step = bench.choice.dt
-    return stage_key("driven", bench.mesh_key, parts, solver, entry, image, given, step, BEATS)
+    return stage_key("driven run", bench.mesh_key, parts, solver, entry, image, given, step, BEATS)
 
 
 def fingerprint(tree: Any) -> str:

@@ -73,6 +73,7 @@ class Fate:
         seconds: that its last command took.
         document: its result; None where there is none.
         reason: why there is none.
+        kept: whether an earlier command computed it.
     """
 
     member: Member
@@ -80,6 +81,7 @@ class Fate:
     seconds: float
     document: dict[str, Any] | None
     reason: str
+    kept: bool = False
 
 
 def find_members(folder: pathlib.Path, out: pathlib.Path) -> list[Member]:
@@ -245,7 +247,7 @@ def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> Fate | None:
         document = json.loads(_result_file(member, mode).read_text(encoding="utf-8"))
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return Fate(member, 0, seconds, document, "")
+    return Fate(member, 0, seconds, document, "", kept=True)
 
 
 def _ended(member: Member, mode: Mode, extra: Sequence[str], status: int, start: float) -> Fate:

@@ -105,6 +105,8 @@ def _patient(fate: Fate, mode: Mode) -> Document:
         "seconds": fate.seconds,
         "alpha": alpha,
         "extra_runs": extra,
+        "kept": fate.kept,
+        **{name: (document or {}).get("provenance", {}).get(name) for name in ("date", "commit")},
     }
 
 

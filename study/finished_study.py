@@ -11,6 +11,7 @@ from study.case import Case, read_case
 from study.demo import demo_case_path
 from study.faults import CaseError, Fault
 from study.fsi_bench import Bench
+from study.numerics import decided_by
 from study.progress import Progress
 from study.provenance import input_files, origin
 from study.results import load_document
@@ -52,6 +53,7 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     path = demo_case_path() if options.demo else options.case
     case = study_case(read_case(path), options)
     _check_unchanged(case, document)
+    _check_numerics(place, document)
     choice = study_choice(case, options)
     check_study(case, choice)
     folder = place.parent if place.suffix == ".json" else place
@@ -68,6 +70,14 @@ def _options(place: pathlib.Path, document: Mapping[str, Any]) -> argparse.Names
     except SystemExit as error:
         problem = f"its command is not understood any more: {' '.join(command)}"
         raise CaseError([Fault(place, "", None, problem, "", "run jaxfsi study again")]) from error
+
+
+def _check_numerics(place: pathlib.Path, document: Mapping[str, Any]) -> None:
+    """Refuse a study whose numbers other code would not give again."""
+    if document.get("numerics") != decided_by("study"):
+        problem = "its numbers come from another version of the code or of its libraries"
+        cure = "run jaxfsi study again in the same folder: it computes what is no longer valid"
+        raise CaseError([Fault(place, "", None, problem, "", cure)])
 
 
 def _check_unchanged(case: Case, document: Mapping[str, Any]) -> None:

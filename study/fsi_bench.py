@@ -1,10 +1,12 @@
 """3D runs of one patient, each kept by the hash of what it follows from.
 
 A run is a condition with a scale factor α and a stress rule. Its folder holds fields, history and
-checkpoint as those of the command `simulate` do; what the study needs of it is kept as a stage.
+checkpoint as those of the command `simulate` do, and in ``inputs.txt`` the key of what they follow
+from and by which code they were begun; what the study needs of it is kept as a stage.
 """
 
 import dataclasses
+import json
 import pathlib
 from typing import Any, NamedTuple
 
@@ -20,6 +22,7 @@ from study.aortic_site import cycle_offsets, site_pressures
 from study.case import Case
 from study.earlier_run import clear_run
 from study.progress import Progress
+from study.provenance import made_now, now
 from study.simulation_case import (
     ANOMALOUS,
     INLET,
@@ -33,6 +36,7 @@ from study.simulation_run import FIELD_FOLDER, Outcome, run_simulation
 from study.stages import Stages, stage_key
 
 RUN_FOLDER = "runs"
+INPUTS_FILE = "inputs.txt"
 _MOST_SAMPLES = 400
 
 
@@ -85,6 +89,8 @@ class Bench:
         choice: how runs are made.
         progress: told of each.
         site: nodes where the aortic pressure is read, see `study.aortic_site`; None: at the inlet.
+        mesh_made: when and by which code the mesh was made.
+        begun: when the command that is at work began.
     """
 
     case: Case
@@ -94,6 +100,8 @@ class Bench:
     choice: RunChoice
     progress: Progress
     site: np.ndarray | None = None
+    mesh_made: dict[str, Any] | None = None
+    begun: str = dataclasses.field(default_factory=now)
 
     @property
     def stages(self) -> Stages:
@@ -113,12 +121,20 @@ class Bench:
 
     def prepared(self, key: str, name: str) -> pathlib.Path:
         """The folder of a run; what another input left there is forgotten."""
-        folder, mark = self.run_folder(name), self.run_folder(name) / "inputs.txt"
+        folder, mark = self.run_folder(name), self.run_folder(name) / INPUTS_FILE
         folder.mkdir(parents=True, exist_ok=True)
-        if not mark.is_file() or mark.read_text(encoding="utf-8") != key:
+        if not mark.is_file() or mark.read_text(encoding="utf-8").split("\n")[0] != key:
             clear_run(folder)
-            mark.write_text(key, encoding="utf-8")
+            mark.write_text(f"{key}\n{json.dumps(made_now())}\n", encoding="utf-8")
         return folder
+
+    def run_begun(self, name: str) -> dict[str, Any] | None:
+        """When and by which code the run in a folder was begun; None where that is not known."""
+        try:
+            text = (self.run_folder(name) / INPUTS_FILE).read_text(encoding="utf-8")
+            return dict(json.loads(text.split("\n", 1)[1]))
+        except (OSError, ValueError, IndexError, TypeError):
+            return None
 
 
 def run_key(bench: Bench, name: RunName, before: RunName | None = None) -> str:
@@ -168,8 +184,7 @@ def fsi_run(bench: Bench, name: RunName, *, before: RunName | None = None) -> di
             setup = dataclasses.replace(setup, state=_continued(bench, before, setup))
         return run_part(bench, setup, finished_run(bench, name.folder, key, setup), name)
 
-    site = None if bench.site is None else bench.site.tolist()
-    return bench.stages.value(f"run-{name.folder}", stage_key(key, "site", site), compute)
+    return bench.stages.value(f"run-{name.folder}", stage_key("reading", key, bench.site), compute)
 
 
 def setup_of(bench: Bench, name: RunName) -> Setup:

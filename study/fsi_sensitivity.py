@@ -138,8 +138,7 @@ def run_sensitivity(bench: Bench, name: RunName) -> Sensitivity:
     Raises:
         RuntimeError: a step failed, or a transposed system was not solved.
     """
-    site = None if bench.site is None else bench.site.tolist()
-    key = stage_key("sensitivity", run_key(bench, name), site)
+    key = stage_key("derivatives", run_key(bench, name), bench.site)
     stage = f"sensitivity-{name.folder}"
 
     def compute() -> dict[str, np.ndarray]:

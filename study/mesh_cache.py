@@ -1,13 +1,11 @@
 """Meshes kept between calls, by a hash of all that they follow from.
 
-An entry holds the mesh, what is known of it, and its pictures. It is found again only by the same
-input files, the same options, the same code and the same versions of the meshers.
+An entry holds the mesh, what is known of it, its pictures, and when and by which code it was made.
+It is found again only by the same input files and options, under the same numerics
+(`study.numerics`).
 """
 
 import dataclasses
-import functools
-import hashlib
-import importlib.metadata
 import json
 import os
 import pathlib
@@ -17,18 +15,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import jaxfsi
-import study
 from jaxfsi import Mesh
 from study.cache import cache_folder
 from study.case import Case
 from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
+from study.numerics import library
 from study.provenance import files_of, sha256
+from study.stages import stage_key
 
 MOST_ENTRIES = 24
 """Entries beyond this number are dropped, those longest unused first."""
 
-_LIBRARIES = ("numpy", "scipy", "mmgpy", "netgen-mesher", "meshio", "pyvista", "vtk", "matplotlib")
+_BACKENDS = {"gmsh": "gmsh", "tetgen": "tetgen"}
+"""Libraries of the meshers of volumes that only some installations have."""
+
 _ARRAYS = ("points", "tets", "region", "faces", "face_label")
 
 
@@ -39,11 +39,18 @@ class StateMesh(NamedTuple):
         mesh: the mesh.
         document: its part of the document of the command.
         pictures: PNG files by name.
+        made: when and by which code, see `study.provenance.made_now`.
     """
 
     mesh: Mesh
     document: dict[str, Any]
     pictures: dict[str, bytes]
+    made: dict[str, Any]
+
+
+def entry_key(case: Case, state: str) -> str:
+    """Hash of everything that the mesh of a state, its document and pictures follow from."""
+    return stage_key("mesh report", mesh_key(case, state))
 
 
 def mesh_key(case: Case, state: str) -> str:
@@ -56,7 +63,7 @@ def mesh_key(case: Case, state: str) -> str:
         case IvusAnatomy():
             files = [*anatomy.states[state].files]
             files += [anatomy.centerline] if anatomy.centerline is not None else []
-            given = dataclasses.replace(anatomy, states={}, centerline=None)
+            given = dataclasses.replace(anatomy, states={}, centerline=None)  # files, by content
             given = (given, [file is None for file in dataclasses.astuple(anatomy.states[state])])
         case SurfaceAnatomy():
             files = [anatomy.surface]
@@ -69,8 +76,9 @@ def mesh_key(case: Case, state: str) -> str:
             pass
     hashes = [sha256(file) for file in files]
     wall = (case.wall.thickness_per_radius, case.wall.thickness_min, case.wall.thickness_max)
-    text = repr((state, given, wall, options, hashes, _code(), _versions()))
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+    backend = _BACKENDS.get(options.backend)
+    mesher = None if backend is None else library(backend)
+    return stage_key("mesh", state, given, wall, options, hashes, mesher)
 
 
 def load_mesh(key: str) -> StateMesh | None:
@@ -82,6 +90,7 @@ def load_mesh(key: str) -> StateMesh | None:
     try:
         names = json.loads((entry / "mesh.json").read_text(encoding="utf-8"))
         document = json.loads((entry / "document.json").read_text(encoding="utf-8"))
+        made = dict(json.loads((entry / "made.json").read_text(encoding="utf-8")))
         with np.load(entry / "mesh.npz") as arrays:
             stored = {name: arrays[name] for name in arrays.files}
         mesh = Mesh(
@@ -95,7 +104,7 @@ def load_mesh(key: str) -> StateMesh | None:
     except (OSError, ValueError, KeyError, TypeError):
         shutil.rmtree(entry, ignore_errors=True)
         return None
-    return StateMesh(mesh, document, pictures)
+    return StateMesh(mesh, document, pictures, made)
 
 
 def store_mesh(key: str, made: StateMesh) -> None:
@@ -117,6 +126,7 @@ def store_mesh(key: str, made: StateMesh) -> None:
         names = {"label_names": mesh.label_names, "meta": mesh.meta}
         (part / "mesh.json").write_text(json.dumps(names), encoding="utf-8")
         (part / "document.json").write_text(json.dumps(made.document), encoding="utf-8")
+        (part / "made.json").write_text(json.dumps(made.made), encoding="utf-8")
         for name, content in made.pictures.items():
             (part / f"{name}.png").write_bytes(content)
         if not (folder / key).exists():
@@ -138,26 +148,3 @@ def _prune(folder: pathlib.Path) -> None:
     entries.sort(key=lambda path: path.stat().st_mtime)
     for path in entries[:-MOST_ENTRIES]:
         shutil.rmtree(path, ignore_errors=True)
-
-
-@functools.cache
-def _code() -> str:
-    """Hash of the source of `jaxfsi` and of what draws and describes meshes here."""
-    digest = hashlib.sha256()
-    core = pathlib.Path(jaxfsi.__file__).parent
-    own = pathlib.Path(study.__file__).parent
-    for path in [*sorted(core.rglob("*.py")), *sorted(own.glob("mesh*.py"))]:
-        digest.update(path.read_bytes())
-    digest.update((own / "anatomy_source.py").read_bytes())
-    return digest.hexdigest()
-
-
-@functools.cache
-def _versions() -> tuple[str, ...]:
-    found = []
-    for name in _LIBRARIES:
-        try:
-            found.append(f"{name} {importlib.metadata.version(name)}")
-        except importlib.metadata.PackageNotFoundError:
-            found.append(f"{name} absent")
-    return tuple(found)

@@ -19,9 +19,10 @@ from study.anatomy_source import case_anatomy, case_mesh, file_fault, states_of
 from study.case import Case, require
 from study.case_anatomy import MeshAnatomy
 from study.faults import CaseError, Fault
-from study.mesh_cache import StateMesh, load_mesh, mesh_key, store_mesh
+from study.mesh_cache import StateMesh, entry_key, load_mesh, store_mesh
 from study.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.progress import Progress
+from study.provenance import made_now
 
 STAGES = {
     "reading the anatomy": 2.0,
@@ -143,7 +144,7 @@ def mesh_states(case: Case, states: Sequence[str], progress: Progress) -> dict[s
 
 def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
     """Mesh one state of a case; see `mesh_states`."""
-    key = mesh_key(case, state)
+    key = entry_key(case, state)
     known = load_mesh(key)
     if known is not None:
         return known
@@ -172,7 +173,7 @@ def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
     document["pictures"] = list(pictures)
     document["picture_note"] = note
     document["wall_time_s"]["drawing"] = time.perf_counter() - start
-    made = StateMesh(mesh, document, pictures)
+    made = StateMesh(mesh, document, pictures, made_now())
     store_mesh(key, made)
     return made
 

@@ -1,8 +1,8 @@
 """Where a result comes from: inputs by hash, versions, command, machine, commit, date."""
 
 import datetime
+import functools
 import hashlib
-import importlib.metadata
 import os
 import pathlib
 import platform
@@ -12,6 +12,7 @@ from typing import Any
 
 from study.case import Case
 from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
+from study.numerics import PARTS, installed, version
 
 PACKAGES = (
     "jaxfsi", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy", "matplotlib",
@@ -81,6 +82,28 @@ def sha256(path: pathlib.Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def made_now() -> dict[str, Any]:
+    """When something is made, and by which code: what every kept result carries."""
+    return {
+        "date": now(),
+        "version": versions()["jaxfsi"],
+        "commit": _commit_at_start(),
+        "libraries": versions(),
+        "numerics": {part: version(part) for part in PARTS},
+    }
+
+
+def now() -> str:
+    """The time, to be compared as text."""
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
+
+
+@functools.cache
+def _commit_at_start() -> str | None:
+    """Commit when first asked: the code that is at work, whatever is checked out meanwhile."""
+    return commit()
+
+
 def commit() -> str | None:
     """Commit of the checkout that this package runs from, marked where it was changed.
 
@@ -117,10 +140,4 @@ def _input(path: pathlib.Path, folder: pathlib.Path) -> dict[str, Any]:
 
 def versions() -> dict[str, str | None]:
     """Versions of Python and of the packages that can move a number; None: not installed."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = None
-    return found
+    return {"python": platform.python_version(), **{name: installed(name) for name in PACKAGES}}

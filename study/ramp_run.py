@@ -58,7 +58,7 @@ def ramp_record(bench: Bench, choice: RampChoice) -> RampRecord:
         record = finished_run(bench, RAMP, key, setup).record
         return _columns(record, setup.model.names)
 
-    found = bench.stages.arrays(RAMP, key, compute)
+    found = bench.stages.arrays(RAMP, stage_key("reading", key), compute)
     return RampRecord(**found)
 
 

@@ -31,6 +31,7 @@ from study.case import Case
 from study.faults import CaseError, Fault
 from study.progress import Progress
 from study.simulation_case import Schedule, Setup
+from study.stages import stage_key
 
 HISTORY_FILE, CHECKPOINT_FILE, SHEAR_FILE = "history.csv", "checkpoint.npz", "shear.vtu"
 FIELD_FOLDER = "fields"
@@ -122,6 +123,7 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
             checkpoint=checkpoint,
             checkpoint_every=options.checkpoint_every or CHECKPOINT_EVERY,
             glimpse=watch.look,
+            numerics=stage_key("checkpoint"),
         )
         found = Outcome(
             end.record, end.events, end.resumed_from, shear.means(), 0.0, state=end.state

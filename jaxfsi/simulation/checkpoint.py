@@ -1,8 +1,9 @@
 """Checkpoints: everything that a run needs to go on to the same answer, bit for bit.
 
 One npz file, written under a temporary name, brought to the disk, then renamed: there is always a
-whole one. It holds the hash of the model and of the choices of the run; a run with other input
-refuses it, and so does one that finds an array missing or of another shape.
+whole one. It holds the hash of the model and of the choices of the run, and the caller's name for
+the code that computes; a run with other input or other code refuses it, and so does one that finds
+an array missing or of another shape.
 """
 
 import hashlib
@@ -76,12 +77,15 @@ def fingerprint(*parts: Any) -> str:
     return digest.hexdigest()
 
 
-def save_checkpoint(path: pathlib.Path, checkpoint: Checkpoint, run_hash: str) -> None:
+def save_checkpoint(
+    path: pathlib.Path, checkpoint: Checkpoint, run_hash: str, numerics: str = ""
+) -> None:
     """Write a checkpoint; the one before is replaced when this one is on disk."""
     arrays = _arrays(checkpoint)
     head = {
         "format": FORMAT,
         "run_hash": run_hash,
+        "numerics": numerics,
         "position": list(checkpoint.position),
         "events": checkpoint.events,
         "observers": sorted(checkpoint.memories),
@@ -93,13 +97,16 @@ def save_checkpoint(path: pathlib.Path, checkpoint: Checkpoint, run_hash: str) -
     write_whole(path, buffer.getvalue(), lasting=True)
 
 
-def load_checkpoint(path: pathlib.Path, like: Checkpoint, run_hash: str) -> Checkpoint:
+def load_checkpoint(
+    path: pathlib.Path, like: Checkpoint, run_hash: str, numerics: str = ""
+) -> Checkpoint:
     """Read a checkpoint and check that it holds all that the run needs.
 
     Args:
         path: the file.
         like: the start of the run, for the names, types and shapes of what must be there.
         run_hash: hash of the run that wants to go on.
+        numerics: the caller's name for the code that computes, see `simulate`.
 
     Raises:
         CheckpointError: the file is damaged, or belongs to another run.
@@ -117,6 +124,12 @@ def load_checkpoint(path: pathlib.Path, like: Checkpoint, run_hash: str) -> Chec
             path,
             "belongs to a run with another model, step or choice of outputs",
             "Restore the input, or start again in another folder.",
+        )
+    if head.get("numerics", "") != numerics:
+        raise CheckpointError(
+            path,
+            "was begun with another version of the code or of its libraries, whose numbers differ",
+            "Restore that version, or start again in another folder.",
         )
     problems = [*_head_problems(head), *_array_problems(arrays, like)]
     if problems:

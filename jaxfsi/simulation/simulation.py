@@ -132,6 +132,7 @@ def simulate(
     checkpoint: pathlib.Path | None = None,
     checkpoint_every: int = 100,
     glimpse: Callable[[Glimpse], None] | None = None,
+    numerics: str = "",
 ) -> Simulation:
     """Run a model for a number of steps.
 
@@ -148,6 +149,7 @@ def simulate(
         checkpoint: file to keep the run in; where it exists, the run goes on from it.
         checkpoint_every: whole steps between two checkpoints.
         glimpse: told of each chunk.
+        numerics: name for the code that computes; a checkpoint of another name is refused.
 
     Returns:
         The state at the end and what happened.
@@ -172,7 +174,7 @@ def simulate(
     run = Checkpoint(state, Position(), empty_record(len(model.ports)), [], {})
     run = _remembered(run, observers)
     if checkpoint is not None and checkpoint.exists():
-        run = load_checkpoint(checkpoint, run, run_hash)
+        run = load_checkpoint(checkpoint, run, run_hash, numerics)
         resumed = run.position.grain // stride(0, control)
         if resumed > n_steps:
             raise _too_long(checkpoint, resumed, n_steps, dt)
@@ -199,10 +201,10 @@ def simulate(
                     observer.observe(stop, model, reached.state)
             run = _remembered(reached, observers)
             if checkpoint is not None and (stop % checkpoint_every == 0 or stop == n_steps):
-                save_checkpoint(checkpoint, run, run_hash)
+                save_checkpoint(checkpoint, run, run_hash, numerics)
     except (KeyboardInterrupt, StepFailure) as stop_of_run:
         if checkpoint is not None:
-            save_checkpoint(checkpoint, run, run_hash)
+            save_checkpoint(checkpoint, run, run_hash, numerics)
         if isinstance(stop_of_run, StepFailure):
             kept = Simulation(reached.state, reached.record, reached.events, resumed)
             raise SimulationError(str(stop_of_run), kept) from None

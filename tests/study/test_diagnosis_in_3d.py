@@ -28,6 +28,7 @@ from study.case import WallParameters
 from study.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d
 from study.finished_study import FinishedStudy, finished_study
 from study.fsi_bench import RunChoice
+from study.numerics import decided_by
 from study.progress import Progress
 from study.provenance import input_files, origin
 from study.record_file import record_files
@@ -156,12 +157,19 @@ def test_a_study_is_opened_again_and_refused_once_its_case_has_changed(tmp_path,
         "ramp": {"a": 500.0, "b": 1200.0},
         "loop": {"alpha": 0.2},
         "runs": [],
+        "numerics": decided_by("study"),
         "provenance": origin(input_files(case), tmp_path, command),
     }
     (tmp_path / "out").mkdir()
     (tmp_path / "out/study.json").write_text(json.dumps(document))
     found = finished_study(tmp_path / "out", Progress())
     assert found.alpha == 0.2
+    for other in (None, {**document["numerics"], "libraries": {"jax": "0.0.1"}}):
+        text = json.dumps({**document, "numerics": other})
+        (tmp_path / "out/study.json").write_text(text)
+        with pytest.raises(ValueError, match="another version of the code"):
+            finished_study(tmp_path / "out", Progress())
+    (tmp_path / "out/study.json").write_text(json.dumps(document))
     assert (found.bench.case.surrogate.R0, found.bench.case.surrogate.K) == (500.0, 1200.0)
     tube.write_case(tmp_path, systolic=140.0)
     with pytest.raises(ValueError, match=r"changed since the study: case\.toml"):

@@ -74,8 +74,9 @@ def _with_head(**changes):
         (_with_head(position=[1, 0]), "position"),
         (_with_head(events=None), "events"),
         (_without("head"), "cannot be read"),
+        (_with_head(numerics="other"), "another version of the code or of its libraries"),
     ],
-    ids=range(10),
+    ids=range(11),
 )
 def test_damaged_checkpoint_is_refused_and_left_alone(
     run, observers, files, tmp_path, damage, said

@@ -108,6 +108,12 @@ def face_table(tets: Int[np.ndarray, "tets 4"]) -> FaceTable:
     )
 
 
+def crowded_faces(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "crowded 3"]:
+    """Faces that three or more tetrahedra share, nodes in rising order; `face_table` needs none."""
+    faces, which = unique_rows(np.sort(tet_faces(tets).reshape(-1, 3), axis=1))
+    return faces[np.bincount(which, minlength=len(faces)) > 2]
+
+
 def tet_neighbours(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "tets 4"]:
     """The tetrahedron behind each of the four faces of each tetrahedron, −1 for none."""
     table = face_table(tets)

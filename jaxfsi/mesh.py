@@ -109,7 +109,11 @@ class Mesh:
 def _out_of_range(name: str, index: np.ndarray, size: int, of: str) -> list[str]:
     if index.size == 0 or (index.min() >= 0 and index.max() < size):
         return []
-    return [f"{name} run from {index.min()} to {index.max()}, but there are {size} {of}"]
+    bad = np.any(((index < 0) | (index >= size)).reshape(len(index), -1), axis=1)
+    return [
+        f"{name} run from {index.min()} to {index.max()}, but there are {size} {of}"
+        f" ({np.sum(bad)} are wrong, the first in row {np.argmax(bad)})"
+    ]
 
 
 def _faults(mesh: Mesh) -> list[str]:

@@ -26,7 +26,7 @@ from calibration import (
 )
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import read_series
-from study.anatomy_source import case_anatomy, states_of
+from study.anatomy_source import case_anatomy, case_mesh, states_of
 from study.aortic_site import aortic_site
 from study.case import Case, SurrogateParameters, require
 from study.case_anatomy import MeshAnatomy
@@ -108,7 +108,7 @@ def check_study(case: Case, choice: StudyChoice) -> None:
     """Refuse a case that a study cannot use; all faults are listed.
 
     Raises:
-        CaseError: what is missing or out of range.
+        CaseError: what is missing or out of range, or the fault of a finished mesh.
     """
     require(case, "study")
     faults: list[Fault] = []
@@ -135,6 +135,8 @@ def check_study(case: Case, choice: StudyChoice) -> None:
         faults.append(Fault(case.path, "", None, problem, "", "leave --continued out"))
     if faults:
         raise CaseError(faults)
+    if isinstance(case.anatomy, MeshAnatomy):
+        case_mesh(case)  # a damaged mesh is refused before a folder is made
 
 
 def run_study(

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 import numpy as np
 
 import jaxfsi.anatomy as sources
-from jaxfsi import Mesh
+from jaxfsi import Mesh, Region
 from jaxfsi.anatomy import Anatomy, Cut, IvusOptions, SurfaceOptions
 from jaxfsi.anatomy import SyntheticAnatomy as Parameters
 from jaxfsi.mesh_files import read_mesh, read_mesh_complete
@@ -69,7 +69,8 @@ def case_mesh(case: Case) -> Mesh:
     """The finished mesh that a case names.
 
     Raises:
-        CaseError: the mesh cannot be read; the fault names file, cause and cure.
+        CaseError: the mesh cannot be read, has faults, or holds no blood; the fault names file,
+            cause and cure.
         ValueError: the case names no mesh.
     """
     anatomy = case.anatomy
@@ -77,9 +78,16 @@ def case_mesh(case: Case) -> Mesh:
         raise ValueError("the case names no finished mesh. Build one from case_anatomy.")
     with _refusal(anatomy.places[0]):
         if anatomy.path is not None and not anatomy.path.is_dir():
-            return read_mesh(anatomy.path, unit=anatomy.unit, labels=anatomy.labels)
-        fluid, solid = _folders(anatomy)
-        return read_mesh_complete(fluid, solid, unit=anatomy.unit, labels=anatomy.labels)
+            mesh = read_mesh(anatomy.path, unit=anatomy.unit, labels=anatomy.labels)
+        else:
+            fluid, solid = _folders(anatomy)
+            mesh = read_mesh_complete(fluid, solid, unit=anatomy.unit, labels=anatomy.labels)
+        if not np.any(mesh.region == Region.FLUID):
+            raise ValueError(
+                f"all {len(mesh.tets)} tetrahedra of the mesh are wall; none is blood. Mark the"
+                " tetrahedra of the blood with region 0, or name the folder of the blood."
+            )
+        return mesh
 
 
 def _known_state(case: Case, state: str | None) -> str:

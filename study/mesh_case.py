@@ -103,7 +103,10 @@ def coarse_mesh(
     """A coarse mesh of the first state and its part of a document.
 
     A mesh that cannot be made is no reason to lose what else was computed: the part then holds
-    the reason under `failure`.
+    the reason under `failure`. A finished mesh with faults is refused like any other input.
+
+    Raises:
+        CaseError: the case names a finished mesh that is refused.
     """
     case = coarse(case)
     try:
@@ -111,6 +114,8 @@ def coarse_mesh(
         state = states_of(case)[0]
         meshes = {state: mesh_state(case, state, progress)}
     except (ValueError, RuntimeError, OSError) as error:
+        if isinstance(error, CaseError) and isinstance(case.anatomy, MeshAnatomy):
+            raise
         return {}, {"failure": " ".join(str(error).split())}
     return meshes, mesh_part(case, meshes)
 
@@ -198,7 +203,7 @@ def _built(
 
 
 def _examined(mesh: Mesh) -> dict[str, Any]:
-    """What a finished mesh is like; a wrong topology is reported, not refused."""
+    """What a finished mesh is like; one with faults was refused on reading."""
     start = time.perf_counter()
     topology, quality = check_topology(mesh).to_dict(), mesh_quality(mesh).to_dict()
     return {

@@ -33,6 +33,7 @@ def read_mesh(
     unit: Unit,
     labels: Mapping[str, str] | None = None,
     any_size: bool = False,
+    damaged: bool = False,
 ) -> Mesh:
     """Read a mesh from a vtu, msh or xdmf file; see `read_vtu`, `read_msh`, `read_xdmf`.
 
@@ -41,13 +42,14 @@ def read_mesh(
         unit: length unit of the file.
         labels: label of faces that have other names in the file.
         any_size: read meshes too that are too large or too small for a vessel.
+        damaged: read meshes with faults too, to examine them with `jaxfsi.meshing.check_topology`.
 
     Raises:
         ValueError: the ending is not known, or the reader of the format refuses the file.
     """
     path = pathlib.Path(path)
     reader, _ = _FORMATS[_suffix(path)]
-    return reader(path, unit=unit, labels=labels, any_size=any_size)
+    return reader(path, unit=unit, labels=labels, any_size=any_size, damaged=damaged)
 
 
 def write_mesh(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from numpy.typing import ArrayLike
 
 from jaxfsi.mesh import Mesh, Region
-from jaxfsi.mesh_checks import check_mesh
+from jaxfsi.mesh_files.acceptance import check_cells
 from jaxfsi.mesh_files.lengths import UNITS_CM, check_extent, check_stored_unit
 from jaxfsi.mesh_files.refusal import MeshFileError
 from jaxfsi.mesh_files.side_entry import SideEntry
@@ -158,14 +158,16 @@ def labelled_from_outside(
     openings: Sequence[Opening] | None,
     path: pathlib.Path,
 ) -> Mesh:
-    """A checked mesh from tetrahedra that carry no labels; nodes without tetrahedra are left out.
+    """A mesh from tetrahedra that carry no labels; nodes without tetrahedra are left out.
 
     Raises:
-        MeshFileError: indices out of range, or no openings for a mesh without a wall.
-        ValueError: see `jaxfsi.meshing.label_faces` and `jaxfsi.mesh_checks.check_mesh`.
+        MeshFileError: indices out of range, damaged tetrahedra, or no openings for a mesh without
+            a wall.
+        ValueError: see `jaxfsi.meshing.label_faces`.
     """
     bare = built(path, points, tets, region, np.zeros((0, 3), int), np.zeros(0, int), (), ids, {})
     bare = without_unused(bare)
+    check_cells(bare, path)
     if openings is None:
         if not (np.any(region == Region.SOLID) and np.any(region == Region.FLUID)):
             raise MeshFileError(
@@ -175,9 +177,7 @@ def labelled_from_outside(
             )
         openings = find_openings(bare.points, bare.tets, bare.region)
     mesh = label_faces(bare.points, bare.tets, bare.region, openings)
-    mesh = dataclasses.replace(mesh, node_ids=bare.node_ids)
-    check_mesh(mesh)
-    return mesh
+    return dataclasses.replace(mesh, node_ids=bare.node_ids)
 
 
 def without_unused(mesh: Mesh) -> Mesh:

@@ -91,6 +91,11 @@ def read_folder(path: pathlib.Path, unit: Unit, *, any_size: bool) -> CompleteFo
     points = np.asarray(file.points, dtype=float)
     if not any_size:
         check_extent(points, unit, volume)
+    if tets.size and not 0 <= tets.min() <= tets.max() < len(points):
+        raise MeshFileError(
+            f"nodes of tetrahedra in {volume} run from {tets.min()} to {tets.max()}, but there are"
+            f" {len(points)} points. Write it again."
+        )
     ids = _point_values(file, NODE_ID, volume)
     ids = np.arange(1, len(points) + 1) if ids is None else ids
     if len(np.unique(ids)) != len(points):

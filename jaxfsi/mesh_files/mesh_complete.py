@@ -1,5 +1,6 @@
 """Meshes as a pair of SimVascular-style ``mesh-complete`` folders, one for each region."""
 
+import dataclasses
 import pathlib
 from collections.abc import Mapping
 
@@ -9,6 +10,7 @@ from jaxtyping import Int
 from jaxfsi.faces import find_rows, region_faces, triangle_edges, unique_rows
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
 from jaxfsi.mesh_checks import check_mesh
+from jaxfsi.mesh_files.acceptance import accepted, check_cells
 from jaxfsi.mesh_files.arrays import built
 from jaxfsi.mesh_files.complete_folder import (
     CompleteFolder,
@@ -19,7 +21,7 @@ from jaxfsi.mesh_files.complete_folder import (
 from jaxfsi.mesh_files.joining import join_nodes
 from jaxfsi.mesh_files.lengths import UNITS_CM, Unit, check_stored_unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError
-from jaxfsi.mesh_files.renaming import check_names, renamed
+from jaxfsi.mesh_files.renaming import check_names
 from jaxfsi.meshing.labels import complete_labels
 
 Path = str | pathlib.Path
@@ -80,6 +82,7 @@ def read_mesh_complete(
     labels: Mapping[str, str] | None = None,
     tolerance_cm: float | None = None,
     any_size: bool = False,
+    damaged: bool = False,
 ) -> Mesh:
     """Read a mesh from one ``mesh-complete`` folder for each region.
 
@@ -97,6 +100,7 @@ def read_mesh_complete(
         tolerance_cm: distance up to which nodes of fluid and solid are one [cm]; None: a
             millionth of the extent.
         any_size: read meshes too that are too large or too small for a vessel.
+        damaged: read meshes with faults too, to examine them with `jaxfsi.meshing.check_topology`.
 
     Returns:
         The mesh; of foreign folders, the nodes of the fluid come first.
@@ -117,9 +121,11 @@ def read_mesh_complete(
         if folder.entry is not None:
             check_stored_unit(unit, folder.entry.unit, folder.path)
     whole = _reassembled(folders, unit)
+    path = next(iter(folders.values())).path
     if whole is None:
-        return _joined(folders, unit, dict(labels or {}), tolerance_cm)
-    return renamed(whole, labels, next(iter(folders.values())).path)
+        joined = _joined(folders, unit, dict(labels or {}), tolerance_cm)
+        return accepted(joined, None, path, damaged=damaged)
+    return accepted(whole, labels, path, damaged=damaged)
 
 
 def _reassembled(folders: dict[Region, CompleteFolder], unit: Unit) -> Mesh | None:
@@ -138,6 +144,8 @@ def _reassembled(folders: dict[Region, CompleteFolder], unit: Unit) -> Mesh | No
             f"{' and '.join(str(folder.path) for folder in folders.values())} do not belong"
             " together. Give the two folders of one mesh."
         )
+    if not _all_there(places):
+        return None
     points = np.full((1 + max(int(node.max()) for _, _, node, _ in places), 3), np.nan)
     ids = np.arange(1, len(points) + 1)
     tets = np.zeros((1 + max(int(tet.max()) for _, _, _, tet in places), 4), dtype=np.int64)
@@ -149,8 +157,6 @@ def _reassembled(folders: dict[Region, CompleteFolder], unit: Unit) -> Mesh | No
             ids[node] = folder.whole_ids
         tets[tet] = node[folder.tets]
         region_of[tet] = int(region)
-    if np.any(np.isnan(points)) or np.any(region_of < 0):
-        return None
     names, meta = entries[0].label_names, entries[0].meta
     own_ids = any(folder.whole_ids is not None for folder in folders.values())
     return built(
@@ -165,6 +171,25 @@ def _reassembled(folders: dict[Region, CompleteFolder], unit: Unit) -> Mesh | No
     )
 
 
+def _all_there(
+    places: list[tuple[Region, CompleteFolder, Int[np.ndarray, " _"], Int[np.ndarray, " _"]]],
+) -> bool:
+    """Whether the places of nodes and tetrahedra count without a gap, so that no part is missing.
+
+    Raises:
+        MeshFileError: a place is negative.
+    """
+    for _, folder, node, tet in places:
+        if min(int(node.min(initial=0)), int(tet.min(initial=0))) < 0:
+            raise MeshFileError(
+                f"{folder.path} gives a node or a tetrahedron a negative place in the whole mesh."
+                " Write it again."
+            )
+    nodes = np.unique(np.concatenate([node for _, _, node, _ in places]))
+    tets = np.unique(np.concatenate([tet for _, _, _, tet in places]))
+    return all(len(found) == 1 + int(np.max(found, initial=-1)) for found in (nodes, tets))
+
+
 def _placed_faces(
     folders: list[tuple[CompleteFolder, Int[np.ndarray, " _"]]], names: tuple[str, ...]
 ) -> tuple[Int[np.ndarray, "faces 3"], Int[np.ndarray, " faces"]]:
@@ -175,7 +200,13 @@ def _placed_faces(
         for name, surface in folder.surfaces.items()
         if surface.place is not None and name in names
     ]
-    n_faces = 1 + max((int(np.max(index, initial=-1)) for _, index, _ in placed), default=-1)
+    order = np.concatenate([np.zeros(0, dtype=np.int64), *(index for _, index, _ in placed)])
+    n_faces = 1 + int(np.max(order, initial=-1))
+    if n_faces > len(order) or np.any(order < 0):
+        raise MeshFileError(
+            f"surface files are missing from {folders[0][0].path}, or the places of their faces are"
+            " wrong. Write the mesh again."
+        )
     faces = np.zeros((n_faces, 3), dtype=np.int64)
     label = np.full(n_faces, -1, dtype=np.int64)
     for number, index, nodes in placed:
@@ -204,7 +235,7 @@ def _joined(
     labels: dict[str, str],
     tolerance: float | None,
 ) -> Mesh:
-    """A checked mesh from foreign folders."""
+    """A mesh from foreign folders."""
     path = next(iter(folders.values())).path
     scaled = {
         region: folder._replace(points=folder.points * UNITS_CM[unit])
@@ -226,17 +257,14 @@ def _joined(
     )
     none = np.zeros((0, 3), dtype=np.int64)
     bare = built(path, points, tets, region_of, none, none[:, 0], (), ids, {})
+    check_cells(bare, path)
     surfaces = {
         region: {name: numbers[region][surface.faces] for name, surface in folder.surfaces.items()}
         for region, folder in scaled.items()
     }
     named = _named_surfaces(bare, surfaces, labels, path)
     mesh = complete_labels(points, tets, region_of, named)
-    mesh = built(
-        path, points, tets, region_of, mesh.faces, mesh.face_label, mesh.label_names, ids, {}
-    )
-    check_mesh(mesh)
-    return mesh
+    return dataclasses.replace(mesh, node_ids=ids)
 
 
 def _named_surfaces(

@@ -16,7 +16,7 @@ from jaxtyping import Int
 from numpy.typing import ArrayLike
 
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, Mesh, Region
-from jaxfsi.mesh_checks import check_mesh
+from jaxfsi.mesh_files.acceptance import accepted, check_cells
 from jaxfsi.mesh_files.arrays import (
     NODE_ID,
     built,
@@ -28,7 +28,7 @@ from jaxfsi.mesh_files.arrays import (
 )
 from jaxfsi.mesh_files.lengths import UNITS_CM, Unit, check_extent, check_stored_unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
-from jaxfsi.mesh_files.renaming import check_names, renamed
+from jaxfsi.mesh_files.renaming import check_names
 from jaxfsi.mesh_files.side_entry import SideEntry, entry_text, parsed_entry
 from jaxfsi.meshing.labels import complete_labels
 
@@ -93,6 +93,7 @@ def read_msh(
     regions: Mapping[str, Region] | None = None,
     labels: Mapping[str, str] | None = None,
     any_size: bool = False,
+    damaged: bool = False,
 ) -> Mesh:
     """Read a mesh with physical groups from a gmsh file, version 2.2 or 4.1.
 
@@ -106,10 +107,11 @@ def read_msh(
         regions: region of each volume group; None: the groups ``fluid`` and ``solid``.
         labels: label of surface groups that have other names in the file.
         any_size: read meshes too that are too large or too small for a vessel.
+        damaged: read meshes with faults too, to examine them with `jaxfsi.meshing.check_topology`.
 
     Raises:
         ValueError: the file is missing, empty, truncated, malformed or in another unit, has no
-            physical groups, or its groups do not label the boundary.
+            physical groups, its groups do not label the boundary, or its mesh is damaged.
     """
     path = pathlib.Path(path)
     check_unit(unit)
@@ -134,13 +136,13 @@ def read_msh(
         label = tags - _FIRST_LABEL
         names, meta = entry.label_names, entry.meta
         mesh = built(path, points, tets, region, faces, label, names, ids, meta)
-        return renamed(mesh, labels, path)
+        return accepted(mesh, labels, path, damaged=damaged)
     named = _named_faces(faces, tags, groups, dict(labels or {}), path)
     bare = built(path, points, tets, region, np.zeros((0, 3), int), np.zeros(0, int), (), ids, {})
+    check_cells(bare, path)
     mesh = complete_labels(points, bare.tets, bare.region, named)
     mesh = without_unused(dataclasses.replace(mesh, node_ids=ids))
-    check_mesh(mesh)
-    return mesh
+    return accepted(mesh, None, path, damaged=damaged)
 
 
 def _check_sections(raw: bytes, path: pathlib.Path) -> None:

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 import meshio
 
 from jaxfsi.mesh import Mesh
+from jaxfsi.mesh_files.acceptance import accepted
 from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import reading, staged
-from jaxfsi.mesh_files.renaming import renamed
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
 from jaxfsi.opening import Opening
 
@@ -21,6 +21,7 @@ def read_vtu(
     openings: Sequence[Opening] | None = None,
     labels: Mapping[str, str] | None = None,
     any_size: bool = False,
+    damaged: bool = False,
 ) -> Mesh:
     """Read a mesh from a vtu file.
 
@@ -34,6 +35,7 @@ def read_vtu(
             `jaxfsi.meshing.find_openings` where a wall surrounds the blood.
         labels: other names for labels, the ones made anew among them (``opening_1``, ...).
         any_size: read meshes too that are too large or too small for a vessel.
+        damaged: read meshes with faults too, to examine them with `jaxfsi.meshing.check_topology`.
 
     Raises:
         ValueError: the file is missing, empty, truncated, malformed or in another unit, or its
@@ -45,7 +47,7 @@ def read_vtu(
         file = meshio.vtu.read(str(path))
     entry = read_side_entry(path)
     mesh = arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
-    return renamed(mesh, labels, path)
+    return accepted(mesh, labels, path, damaged=damaged)
 
 
 def write_vtu(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:

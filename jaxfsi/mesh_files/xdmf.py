@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import meshio
 
 from jaxfsi.mesh import Mesh
+from jaxfsi.mesh_files.acceptance import accepted
 from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
-from jaxfsi.mesh_files.renaming import renamed
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
 from jaxfsi.opening import Opening
 
@@ -29,6 +29,7 @@ def read_xdmf(
     openings: Sequence[Opening] | None = None,
     labels: Mapping[str, str] | None = None,
     any_size: bool = False,
+    damaged: bool = False,
 ) -> Mesh:
     """Read a mesh from an xdmf file; the arguments and errors are those of `read_vtu`."""
     path = pathlib.Path(path)
@@ -38,7 +39,7 @@ def read_xdmf(
         file = meshio.xdmf.read(str(path))
     entry = read_side_entry(path)
     mesh = arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
-    return renamed(mesh, labels, path)
+    return accepted(mesh, labels, path, damaged=damaged)
 
 
 def write_xdmf(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:

@@ -34,6 +34,7 @@ class SurfaceTopology(NamedTuple):
         pinched_nodes: nodes at which several fans of triangles meet.
         volume: enclosed volume [cm³]; means something only for a closed surface.
         fault_at: a place where the surface is not a closed manifold [cm]; None where it is.
+        piece_at: a node of the smallest of several pieces [cm]; None where there is one piece.
     """
 
     n_faces: int
@@ -45,6 +46,7 @@ class SurfaceTopology(NamedTuple):
     pinched_nodes: int
     volume: float
     fault_at: tuple[float, float, float] | None
+    piece_at: tuple[float, float, float] | None
 
     @property
     def is_closed_manifold(self) -> bool:
@@ -114,7 +116,8 @@ def surface_topology(
     at = np.concatenate([bad_edges[:, 0], pinched])
     ones = np.ones(len(pairs), dtype=np.int8)
     joined = csr_array((ones, (pairs[:, 0] // 3, pairs[:, 1] // 3)), shape=(len(faces),) * 2)
-    n_components = connected_components(joined, directed=False)[0] if len(faces) else 0
+    n_components, piece = connected_components(joined, directed=False) if len(faces) else (0, faces)
+    smallest = faces[piece == np.argmin(np.bincount(piece))] if n_components > 1 else faces[:0]
     return SurfaceTopology(
         n_faces=len(faces),
         euler=len(used_nodes(faces)) - len(edges) + len(faces),
@@ -125,6 +128,7 @@ def surface_topology(
         pinched_nodes=len(pinched),
         volume=enclosed_volume(points, faces),
         fault_at=_as_place(points[at[0]]) if len(at) else None,
+        piece_at=_as_place(points[smallest[0, 0]]) if len(smallest) else None,
     )
 
 

@@ -15,10 +15,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from jaxfsi.faces import boundary_of, face_table
+from jaxfsi.faces import boundary_of, face_table, find_rows
 from jaxfsi.mesh import OUTER_WALL, RING_SUFFIX, Mesh, Region, tet_volumes
-from jaxfsi.mesh_checks import element_faults, label_faults
+from jaxfsi.mesh_checks import cell_faults, element_faults, is_crowded, label_faults, place
 from jaxfsi.mesh_parts import used_nodes
+from jaxfsi.meshing.labels import face_components
 from jaxfsi.meshing.surface_topology import SurfaceTopology, enclosed_volume, surface_topology
 
 _VOLUME_TOLERANCE = 1e-9  # round-off of a sum over 1e6 faces, relative
@@ -91,7 +92,11 @@ def check_topology(mesh: Mesh) -> TopologyReport:
     of the boundary of a wall with n openings, all of them closed manifolds, no inverted
     tetrahedron, no node of the wall in the blood, every boundary face labelled once, and equal
     volumes from tetrahedra and from labelled faces. A wall alone may have any shape, so its χ is
-    reported but not judged.
+    reported but not judged. Where three tetrahedra share a face there are no surfaces to examine,
+    and the faults of the elements are all that is reported.
+
+    The wall round blood that is one piece and a ball is one piece itself; a second piece of wall
+    touches no blood, or touches it in a way that the Euler characteristics do not allow either.
 
     Args:
         mesh: mesh with labels.
@@ -99,19 +104,17 @@ def check_topology(mesh: Mesh) -> TopologyReport:
     Returns:
         The numbers and the faults; nothing is raised.
     """
+    elements = [Fault(clause, "elements", _CURE_ELEMENTS) for clause in element_faults(mesh)]
+    if is_crowded(mesh):
+        return TopologyReport({}, {}, {}, {}, tuple(elements))
     regions = [region for region in Region if np.any(mesh.region == region)]
-    surfaces = {
-        _SURFACE[region]: surface_topology(mesh.points, boundary_of(mesh.tets_of(region)))
-        for region in regions
-    }
-    if len(regions) == len(Region):
-        surfaces["outer"] = surface_topology(mesh.points, boundary_of(mesh.tets))
+    surfaces = _surfaces(mesh, regions)
     components = {_REGION[region]: count_components(mesh.tets_of(region)) for region in regions}
     volumes = tet_volumes(mesh.points, mesh.tets)
     volume = {_REGION[region]: float(np.sum(volumes[mesh.region == region])) for region in regions}
     from_faces = {_REGION[region]: _labelled_volume(mesh, region) for region in regions}
     faults = [
-        *(Fault(clause, "elements", _CURE_ELEMENTS) for clause in element_faults(mesh)),
+        *elements,
         *(Fault(clause, "labels", _CURE_LABELS) for clause in label_faults(mesh)),
         *_surface_faults(surfaces, _expected_euler(mesh, regions)),
         *_component_faults(components),
@@ -119,6 +122,36 @@ def check_topology(mesh: Mesh) -> TopologyReport:
         *_intrusion_faults(mesh),
     ]
     return TopologyReport(surfaces, components, volume, from_faces, tuple(faults))
+
+
+def unlabelled_faults(mesh: Mesh) -> list[Fault]:
+    """What is wrong with tetrahedra and regions alone, before their faces can be labelled.
+
+    Args:
+        mesh: mesh whose labels are not looked at; nodes that no tetrahedron uses are no fault.
+    """
+    faults = [Fault(clause, "elements", _CURE_ELEMENTS) for clause in cell_faults(mesh)]
+    if is_crowded(mesh):
+        return faults
+    regions = [region for region in Region if np.any(mesh.region == region)]
+    components = {_REGION[region]: count_components(mesh.tets_of(region)) for region in regions}
+    expected = {} if regions == [Region.SOLID] else {"lumen": 2}
+    return [
+        *faults,
+        *_surface_faults(_surfaces(mesh, regions), expected),
+        *_component_faults(components),
+    ]
+
+
+def _surfaces(mesh: Mesh, regions: list[Region]) -> dict[str, SurfaceTopology]:
+    """Topology of the boundary of each region and of both together."""
+    surfaces = {
+        _SURFACE[region]: surface_topology(mesh.points, boundary_of(mesh.tets_of(region)))
+        for region in regions
+    }
+    if len(regions) == len(Region):
+        surfaces["outer"] = surface_topology(mesh.points, boundary_of(mesh.tets))
+    return surfaces
 
 
 _SURFACE = {Region.FLUID: "lumen", Region.SOLID: "wall"}
@@ -138,8 +171,16 @@ def _expected_euler(mesh: Mesh, regions: list[Region]) -> dict[str, int]:
         return {}
     expected = {"lumen": 2}
     if Region.SOLID in regions:
-        expected |= {"outer": 2, "wall": 2 * (2 - len(mesh.openings))}
+        expected |= {"outer": 2, "wall": 2 * (2 - _count_openings(mesh))}
     return expected
+
+
+def _count_openings(mesh: Mesh) -> int:
+    """Patches of the fluid's boundary under the names of openings; one name can have several."""
+    named = [mesh.labelled(name) for name in mesh.openings]
+    faces = np.concatenate([*named, np.zeros((0, 3), dtype=np.int64)])
+    faces = faces[find_rows(faces, boundary_of(mesh.tets_of(Region.FLUID))) >= 0]
+    return len(np.unique(face_components(faces)))
 
 
 def count_components(tets: Int[np.ndarray, "tets 4"]) -> int:
@@ -169,11 +210,8 @@ def _labelled_volume(mesh: Mesh, region: Region) -> float:
     return whole - enclosed_volume(mesh.points, mesh.faces[~solid])
 
 
-def _at(surface: SurfaceTopology) -> str:
-    if surface.fault_at is None:
-        return ""
-    x, y, z = surface.fault_at
-    return f" at ({x:.4g}, {y:.4g}, {z:.4g}) cm"
+def _at(point: tuple[float, float, float] | None) -> str:
+    return "" if point is None else f" at {place(np.array(point))}"
 
 
 def _surface_faults(surfaces: dict[str, SurfaceTopology], expected: dict[str, int]) -> list[Fault]:
@@ -191,14 +229,19 @@ def _surface_faults(surfaces: dict[str, SurfaceTopology], expected: dict[str, in
             faults.append(
                 Fault(
                     f"it is no closed manifold: {said}",
-                    where + _at(surface),
+                    where + _at(surface.fault_at),
                     "Refine there, or widen the gap that is pinched",
                 )
             )
         if name in expected and surface.euler != expected[name]:
+            pieces = (
+                f": it has {surface.n_components} pieces, the smallest{_at(surface.piece_at)}"
+                if surface.n_components > 1
+                else ""
+            )
             faults.append(
                 Fault(
-                    f"its Euler characteristic is {surface.euler}, not {expected[name]}",
+                    f"its Euler characteristic is {surface.euler}, not {expected[name]}{pieces}",
                     where,
                     _CURE_EULER[name],
                 )
@@ -238,12 +281,11 @@ def _intrusion_faults(mesh: Mesh) -> list[Fault]:
     for inner, outer in ((Region.SOLID, Region.FLUID), (Region.FLUID, Region.SOLID)):
         inside = nodes_inside(mesh, inner, outer)
         if inside.size:
-            x, y, z = mesh.points[inside[0]]
             faults.append(
                 Fault(
                     f"{inside.size} nodes of the {_REGION[inner]} that the {_REGION[outer]} does"
                     " not share lie in or on it",
-                    f"{_REGION[outer]} at ({x:.4g}, {y:.4g}, {z:.4g}) cm",
+                    f"{_REGION[outer]} at {place(mesh.points[inside[0]])}",
                     "The two regions overlap or do not conform: mesh both in one go, or lower the"
                     " wall's thickness",
                 )

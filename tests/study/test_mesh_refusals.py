@@ -1,5 +1,6 @@
 """Bad input of `jaxfsi mesh`: one clear error each, exit status 2, nothing written."""
 
+import dataclasses
 import pathlib
 from collections.abc import Callable
 from typing import NamedTuple
@@ -10,8 +11,10 @@ import pytest
 import trimesh
 
 from jaxfsi.mesh_files import write_mesh
+from jaxfsi.meshing import ring
 from jaxfsi.meshing import tube as structured
 from study import demo_case_path
+from tests.study import tube_case
 
 BUNDLED = demo_case_path().parent
 
@@ -145,6 +148,31 @@ def finished(folder: pathlib.Path, *, share: float = 1.0, unit: str = "cm") -> s
     return f'[anatomy]\nkind = "mesh"\npath = "mesh.vtu"\nunit = "{unit}"\n'
 
 
+def damaged(folder: pathlib.Path, **changed: np.ndarray) -> str:
+    """A finished mesh with other tetrahedra or regions."""
+    mesh = structured(radius=0.5, length=2.0, thickness=0.1, n_around=12, n_axial=6, n_layers=2)
+    write_mesh(folder / "mesh.msh", dataclasses.replace(mesh, **changed), unit="cm")
+    return '[anatomy]\nkind = "mesh"\npath = "mesh.msh"\nunit = "cm"\n'
+
+
+def with_inverted(folder: pathlib.Path) -> str:
+    mesh = structured(radius=0.5, length=2.0, thickness=0.1, n_around=12, n_axial=6, n_layers=2)
+    tets = mesh.tets.copy()
+    tets[7] = tets[7][[1, 0, 2, 3]]
+    return damaged(folder, tets=tets)
+
+
+def hollow(folder: pathlib.Path) -> str:
+    mesh = structured(radius=0.5, length=2.0, thickness=0.1, n_around=12, n_axial=6, n_layers=2)
+    return damaged(folder, tets=mesh.tets[1:], region=mesh.region[1:])
+
+
+def all_wall(folder: pathlib.Path) -> str:
+    wall = ring(radius=0.5, length=0.5, thickness=0.1, n_around=12, n_axial=2)
+    write_mesh(folder / "mesh.vtu", wall, unit="cm")
+    return '[anatomy]\nkind = "mesh"\npath = "mesh.vtu"\nunit = "cm"\n'
+
+
 def relabelled(folder: pathlib.Path) -> str:
     return finished(folder) + '[anatomy.labels]\nnope = "aorta_inlet"\n'
 
@@ -196,6 +224,12 @@ BAD: dict[str, tuple[Callable[[pathlib.Path], str], str]] = {
         relabelled,
         "no label 'nope'; there are inlet, outlet, interface",
     ),
+    "inverted tetrahedron": (
+        with_inverted,
+        "1 tetrahedra are inverted or flat, the first, number 7",
+    ),
+    "hole in a mesh": (hollow, "faces of the boundary or the interface have no label, the first"),
+    "mesh without blood": (all_wall, "tetrahedra of the mesh are wall; none is blood"),
     "coordinates that are not numbers": (
         without_numbers,
         "mesh.vtu: has coordinates that are not finite numbers, 2 of",
@@ -218,4 +252,19 @@ def test_bad_input_is_refused_once_and_leaves_nothing(claim, command, tmp_path):
     assert outcome.stdout == ""
     assert says in outcome.stderr
     assert outcome.stderr.count("try:") == 1
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("given", [["simulate"], ["run", "--mesh"], ["study"]])
+def test_every_command_refuses_a_damaged_mesh(given, command, tmp_path):
+    case = tube_case.write_case(tmp_path)
+    mesh = tube_case.three_openings()
+    tets = mesh.tets.copy()
+    tets[7] = tets[7][[1, 0, 2, 3]]
+    write_mesh(tmp_path / "tube.vtu", dataclasses.replace(mesh, tets=tets), unit="cm")
+    case.write_text(case.read_text() + "[surrogate]\nR0_dyn_s_per_cm5 = 1500.0\n")
+    before = sorted(tmp_path.iterdir())
+    outcome = command(*given, case, "--out", tmp_path / "out")
+    assert outcome.status == 2, outcome.stderr
+    assert "1 tetrahedra are inverted or flat" in outcome.stderr
     assert sorted(tmp_path.iterdir()) == before

@@ -2,8 +2,8 @@
 
 ``mesh-complete.mesh.vtu`` holds the tetrahedra, ``mesh-surfaces/NAME.vtp`` the faces of each
 label. Their nodes and elements are named by ``GlobalNodeID`` and ``GlobalElementID``, counted from
-one in each folder; ``ModelFaceID`` counts the labels. Layout: SimVascular documentation, "Mesh
-files".
+one in each folder; ``ModelFaceID`` counts the labels. All three are Int32, the only integers that
+svMultiPhysics takes for them. Layout: SimVascular documentation, "Mesh files".
 """
 
 import json
@@ -34,6 +34,7 @@ _EXTERIOR = "mesh-complete.exterior.vtp"
 _WALLS = "walls_combined.vtp"
 _SURFACES = "mesh-surfaces"
 _ENTRY = "mesh-complete.json"
+_LARGEST_ID = 2**31 - 1
 _SAME_POINT = 1e-5  # of the extent, between a surface file and the volume file
 
 
@@ -174,6 +175,20 @@ def check_target(path: pathlib.Path) -> None:
         raise MeshFileError(f"there is no folder {path.parent}. Make it first.")
 
 
+def id_array(values: Int[np.ndarray, " ids"], name: str) -> Int[np.ndarray, " ids"]:
+    """Ids as Int32.
+
+    Raises:
+        MeshFileError: an id does not fit.
+    """
+    if np.max(values, initial=0) > _LARGEST_ID:
+        raise MeshFileError(
+            f"{name} would reach {np.max(values)}, but a mesh-complete folder counts to"
+            f" {_LARGEST_ID}. Write a coarser mesh, or a vtu file."
+        )
+    return values.astype(np.int32)
+
+
 def write_folder(
     path: pathlib.Path, mesh: Mesh, region: Region, unit: Unit, *, any_size: bool
 ) -> None:
@@ -194,15 +209,15 @@ def write_folder(
         new = staging / path.name
         (new / _SURFACES).mkdir(parents=True)
         point_data = {
-            NODE_ID: np.arange(1, len(part.nodes) + 1),
+            NODE_ID: id_array(np.arange(1, len(part.nodes) + 1), NODE_ID),
             WHOLE_INDEX: part.nodes,
         }
         if mesh.node_ids is not None:
             point_data[WHOLE_NODE_ID] = mesh.ids[part.nodes].astype(np.int64)
         tets = part.mesh.tets.astype(np.int64)
         cell_data = {
-            ELEMENT_ID: [np.arange(1, len(tets) + 1)],
-            "ModelRegionID": [np.ones(len(tets), dtype=np.int64)],
+            ELEMENT_ID: [id_array(np.arange(1, len(tets) + 1), ELEMENT_ID)],
+            "ModelRegionID": [np.ones(len(tets), dtype=np.int32)],
             WHOLE_INDEX: [part.tets],
         }
         local = points[part.nodes]
@@ -237,10 +252,10 @@ def _write_surfaces(
             path,
             points[used],
             local.reshape(-1, 3),
-            point_data={NODE_ID: used + 1},
+            point_data={NODE_ID: id_array(used + 1, NODE_ID)},
             cell_data={
-                ELEMENT_ID: owner[chosen],
-                FACE_ID: model_face[chosen],
+                ELEMENT_ID: id_array(owner[chosen], ELEMENT_ID),
+                FACE_ID: id_array(model_face[chosen], FACE_ID),
                 WHOLE_INDEX: whole[chosen],
             },
         )

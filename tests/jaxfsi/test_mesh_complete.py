@@ -14,6 +14,7 @@ from jaxfsi.mesh_files import (
     write_mesh_complete,
     write_vtp,
 )
+from jaxfsi.mesh_files.complete_folder import id_array
 from jaxfsi.mesh_parts import reordered, submesh
 from jaxfsi.meshing import check_topology, tube
 
@@ -73,6 +74,35 @@ def test_ids_and_faces_follow_the_simvascular_layout(folders, walled):
     corners = nodes[surface.triangles]
     assert np.all(np.any(owners[:, :, None] == corners[:, None, :], axis=1))
     assert set(surface.cell_data["ModelFaceID"]) == {1}
+
+
+def test_ids_are_the_integers_that_svmultiphysics_takes(folders, walled):
+    vtk = pytest.importorskip("vtk")
+    for folder, region in zip(folders, Region, strict=True):
+        volume = vtk.vtkXMLUnstructuredGridReader()
+        volume.SetFileName(str(folder / "mesh-complete.mesh.vtu"))
+        volume.Update()
+        files = [volume.GetOutput()]
+        surfaces = [*(folder / "mesh-surfaces").glob("*.vtp"), folder / "walls_combined.vtp"]
+        for path in (*surfaces, folder / "mesh-complete.exterior.vtp"):
+            surface = vtk.vtkXMLPolyDataReader()
+            surface.SetFileName(str(path))
+            surface.Update()
+            files.append(surface.GetOutput())
+        assert files[0].GetNumberOfCells() == len(walled.tets_of(region))
+        for file in files:
+            assert file.GetNumberOfCells() > 0
+            ids = [file.GetPointData().GetArray("GlobalNodeID")]
+            ids.append(file.GetCellData().GetArray("GlobalElementID"))
+            if file is not files[0]:
+                ids.append(file.GetCellData().GetArray("ModelFaceID"))
+            assert all(isinstance(array, vtk.vtkIntArray) for array in ids)
+
+
+def test_meshes_that_int32_cannot_count_are_refused():
+    assert id_array(np.array([1, 2**31 - 1]), "GlobalNodeID").dtype == np.int32
+    with pytest.raises(ValueError, match=r"GlobalNodeID would reach 2147483648.*counts to"):
+        id_array(np.array([2**31]), "GlobalNodeID")
 
 
 def test_folders_of_others_are_joined_at_the_interface(folders, walled):

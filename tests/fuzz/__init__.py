@@ -1,0 +1,1 @@
+"""Inputs that clumsy or hostile users give, and what must become of them."""

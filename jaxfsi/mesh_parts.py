@@ -9,7 +9,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from jaxfsi.faces import boundary_of, find_rows, row_order, same_sense, tet_edges
-from jaxfsi.mesh import Mesh, Region
+from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
+from jaxfsi.opening import canonical_order
 
 
 class Submesh(NamedTuple):
@@ -70,6 +71,26 @@ def reordered(mesh: Mesh) -> Mesh:
         faces=faces[by_label],
         face_label=mesh.face_label[by_label],
         node_ids=mesh.ids[order],
+    )
+
+
+def canonically_labelled(mesh: Mesh) -> Mesh:
+    """The same mesh with its labels and faces in one order, whatever that of the file it is from.
+
+    Labels are the openings in `jaxfsi.opening.canonical_order`, ``interface``, ``outer_wall`` and
+    the rings in the order of their openings; faces are sorted by label and then by nodes.
+    """
+    held = set(mesh.label_names)
+    rings = {name for name in held if name.endswith(RING_SUFFIX)}
+    walls = [name for name in (INTERFACE, OUTER_WALL) if name in held]
+    openings = canonical_order(held - rings - set(walls))
+    stems = canonical_order(name.removesuffix(RING_SUFFIX) for name in rings)
+    names = (*openings, *walls, *(f"{stem}{RING_SUFFIX}" for stem in stems))
+    position = np.array([names.index(name) for name in mesh.label_names], dtype=np.int64)
+    label = position[mesh.face_label]
+    order = row_order(np.column_stack([label, np.sort(mesh.faces, axis=1)]))
+    return dataclasses.replace(
+        mesh, faces=mesh.faces[order], face_label=label[order], label_names=names
     )
 
 

@@ -11,13 +11,13 @@ from jaxfsi.fields import read_series
 from study.algorithm import LOOP, StudyResult, shown_runs
 from study.algorithm_figures import study_figures
 from study.algorithm_results import Document, study_document
+from study.openings import Inlet
 from study.output import write_tree
 from study.progress import Progress
 from study.report import rendered, safe
 from study.results import STUDY_FILE, STUDY_PAGE, to_json
 from study.simulation_pictures import (
     PICTURES,
-    Inlet,
     draw_film,
     draw_lumen,
     draw_simulation,

@@ -17,6 +17,7 @@ from jaxfsi import Mesh, Region
 from jaxfsi.anatomy import Anatomy, Cut, IvusOptions, SurfaceOptions
 from jaxfsi.anatomy import SyntheticAnatomy as Parameters
 from jaxfsi.mesh_files import read_mesh, read_mesh_complete
+from jaxfsi.mesh_parts import canonically_labelled
 from lumped.units import MM
 from study.case import Case, WallParameters
 from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy, SyntheticAnatomy
@@ -66,7 +67,7 @@ def case_anatomy(case: Case, state: str | None = None) -> Anatomy:
 
 
 def case_mesh(case: Case) -> Mesh:
-    """The finished mesh that a case names.
+    """The finished mesh that a case names, its labels in one order whatever that of the file.
 
     Raises:
         CaseError: the mesh cannot be read, has faults, or holds no blood; the fault names file,
@@ -87,7 +88,7 @@ def case_mesh(case: Case) -> Mesh:
                 f"all {len(mesh.tets)} tetrahedra of the mesh are wall; none is blood. Mark the"
                 " tetrahedra of the blood with region 0, or name the folder of the blood."
             )
-        return mesh
+    return canonically_labelled(mesh)
 
 
 def _known_state(case: Case, state: str | None) -> str:

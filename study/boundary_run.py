@@ -20,6 +20,7 @@ from jaxtyping import Float
 from jaxfsi.core.state import initial_state
 from jaxfsi.fields import read_series
 from jaxfsi.simulation import Record
+from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import (
     MMHG,
     AbstractElement,
@@ -34,10 +35,9 @@ from study.aortic_site import site_pressures
 from study.case import Condition
 from study.case_model import case_model
 from study.fsi_bench import Bench, finished_run
+from study.openings import ANOMALOUS, INLET, distal_name
 from study.patient import stress_rules
 from study.simulation_case import (
-    ANOMALOUS,
-    INLET,
     Setup,
     image_pressure,
     outlets_of,
@@ -189,8 +189,9 @@ def _beat(bench: Bench, folder: str, record: Record, setup: Setup) -> Beat:
     names, period = setup.model.names, setup.schedule.period
     end = setup.schedule.n_steps * setup.schedule.dt
     t = end - np.mod(end / period - PHASES, 1.0) * period
-    distal = next(k for k, name in enumerate(names) if name.startswith(ANOMALOUS))
-    P_inlet = record.P_port[:, names.index(INLET)] / MMHG
+    distal = distal_name(names)
+    assert distal is not None, "checked by check_openings"
+    P_inlet = port_pressure(record, names, INLET) / MMHG
     difference = np.zeros(PHASES.size)
     frames = bench.run_folder(folder) / FIELD_FOLDER
     entries = [e for e in read_series(frames / "fields.pvd") if e.t > 0.0]
@@ -200,8 +201,8 @@ def _beat(bench: Bench, folder: str, record: Record, setup: Setup) -> Beat:
         difference = np.interp(t, seen, there - np.interp(seen, record.t, P_inlet))
     return Beat(
         np.interp(t, record.t, P_inlet) + difference,
-        np.interp(t, record.t, record.P_port[:, distal] / MMHG),
-        np.interp(t, record.t, record.Q_port[:, distal]),
+        np.interp(t, record.t, port_pressure(record, names, distal) / MMHG),
+        np.interp(t, record.t, port_flow(record, names, distal)),
         difference,
     )
 

@@ -34,6 +34,7 @@ from study.mesh_case import (
     planned_steps,
 )
 from study.mesh_results import embedded, mesh_document, write_meshes
+from study.openings import inlet_of
 from study.output import OutputRefused, check_folder, write_files, write_tree
 from study.pipeline import run_case
 from study.progress import Progress
@@ -61,7 +62,7 @@ from study.simulation_case import (
     plan_steps,
     prepare_simulation,
 )
-from study.simulation_pictures import draw_simulation, inlet_of
+from study.simulation_pictures import draw_simulation
 from study.simulation_results import (
     SERIES_FILE,
     Drawn,
@@ -211,7 +212,7 @@ def _simulate(options: argparse.Namespace) -> None:
                 folder / SERIES_FILE,
                 setup.mesh,
                 anatomy,
-                inlet_of(outcome.record),
+                inlet_of(outcome.record, setup.model.names),
                 schedule.period,
             )
         )

@@ -17,20 +17,15 @@ from jaxfsi.core.ports import BlockPort
 from jaxfsi.core.state import State
 from jaxfsi.fields import read_series
 from jaxfsi.simulation import Record
+from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import ML_PER_MIN, MMHG
 from study.aortic_site import cycle_offsets, site_pressures
 from study.case import Case
 from study.earlier_run import clear_run
+from study.openings import ANOMALOUS, INLET, distal_name, inlet_of
 from study.progress import Progress
 from study.provenance import made_now, now
-from study.simulation_case import (
-    ANOMALOUS,
-    INLET,
-    Setup,
-    plan_steps,
-    prepare_simulation,
-)
-from study.simulation_pictures import inlet_of
+from study.simulation_case import Setup, plan_steps, prepare_simulation
 from study.simulation_results import cycle_means
 from study.simulation_run import FIELD_FOLDER, Outcome, run_simulation
 from study.stages import Stages, stage_key
@@ -242,10 +237,11 @@ def run_part(bench: Bench, setup: Setup, outcome: Outcome, name: RunName) -> dic
     """What the document holds of a run."""
     record, names, plan = outcome.record, setup.model.names, setup.schedule
     cycles = cycle_means(record, names, plan.period)
-    site = _at_site(bench, name, record, plan.period, cycles)
+    site = _at_site(bench, name, record, names, plan.period, cycles)
     whole = [cycle for cycle in cycles if cycle["complete"]]
     ratios = [cycle["ratio"] for cycle in whole]
-    distal = next(n for n in names if n.startswith(ANOMALOUS))
+    distal = distal_name(names)
+    assert distal is not None, "checked by check_study and check_openings"
     return {
         **name._asdict(),
         "ratio": ratios[-1] if ratios else None,
@@ -265,7 +261,12 @@ def run_part(bench: Bench, setup: Setup, outcome: Outcome, name: RunName) -> dic
 
 
 def _at_site(
-    bench: Bench, name: RunName, record: Record, period: float, cycles: list[dict[str, Any]]
+    bench: Bench,
+    name: RunName,
+    record: Record,
+    names: tuple[str, ...],
+    period: float,
+    cycles: list[dict[str, Any]],
 ) -> dict[str, list[float]]:
     """Take the ratio of each cycle to the aortic pressure at the site; gives its waveform."""
     folder = bench.run_folder(name.folder) / FIELD_FOLDER
@@ -274,7 +275,7 @@ def _at_site(
         return {}
     t = np.array([e.t for e in entries])
     P = site_pressures(folder, entries, bench.site)
-    offsets = cycle_offsets(t, P - np.interp(t, *inlet_of(record)), period, len(cycles))
+    offsets = cycle_offsets(t, P - np.interp(t, *inlet_of(record, names)), period, len(cycles))
     for cycle, offset in zip(cycles, offsets, strict=True):
         inlet = cycle["ports"][INLET]["mean_P_mmHg"]
         cycle["site_offset_mmHg"] = offset
@@ -301,11 +302,10 @@ def block_drift(setup: Setup, end: State | None) -> float | None:
 def history(record: Record, names: tuple[str, ...], distal: str) -> dict[str, list[float]]:
     """Pressures of aorta and artery and the flow of the artery, thinned where there are many."""
     some = slice(None, None, max(1, -(-record.n_steps // _MOST_SAMPLES)))
-    i, j = names.index(INLET), names.index(distal)
     columns = {
         "t_s": record.t,
-        "P_aorta_mmHg": record.P_port[:, i] / MMHG,
-        "P_distal_mmHg": record.P_port[:, j] / MMHG,
-        "Q_ml_per_min": record.Q_port[:, j] / ML_PER_MIN,
+        "P_aorta_mmHg": port_pressure(record, names, INLET) / MMHG,
+        "P_distal_mmHg": port_pressure(record, names, distal) / MMHG,
+        "Q_ml_per_min": port_flow(record, names, distal) / ML_PER_MIN,
     }
     return {key: [float(f"{v:.7g}") for v in values[some]] for key, values in columns.items()}

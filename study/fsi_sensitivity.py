@@ -53,11 +53,10 @@ from lumped import StressRule
 from lumped.parameters import Parameter
 from study.case import Case
 from study.fsi_bench import Bench, RunName, run_key, setup_of
+from study.openings import INLET, distal_name
 from study.patient import stress_rules
 from study.progress import Progress
 from study.simulation_case import (
-    ANOMALOUS,
-    INLET,
     Setup,
     aortic_pressure,
     image_pressure,
@@ -218,8 +217,10 @@ def gradient_stepper(case: Case, setup: Setup, *, tolerance: float | None = None
 def reading_of(setup: Setup, site: np.ndarray | None) -> Reading:
     """Where the ratio of a run is read."""
     names = setup.model.names
-    distal = next(i for i, name in enumerate(names) if name.startswith(ANOMALOUS))
-    return Reading(None if site is None else jnp.asarray(site), distal, names.index(INLET))
+    distal = distal_name(names)
+    assert distal is not None, "checked by check_openings"
+    nodes = None if site is None else jnp.asarray(site)
+    return Reading(nodes, names.index(distal), names.index(INLET))
 
 
 def by_parameters(

@@ -68,10 +68,15 @@ def mesh_key(case: Case, state: str) -> str:
         case SurfaceAnatomy():
             files = [anatomy.surface]
             given = (anatomy.surface.name, anatomy.unit, anatomy.smoothing_steps)
-            given = (*given, dict(anatomy.openings), dict(anatomy.cuts))
+            given = (*given, sorted(anatomy.openings.items()), sorted(anatomy.cuts))
+            given = (*given, [anatomy.cuts[name] for name in sorted(anatomy.cuts)])
         case MeshAnatomy():
             files = [file for place in anatomy.places for file in files_of(place)]
-            given = (anatomy.unit, dict(anatomy.labels), [place.name for place in anatomy.places])
+            given = (
+                anatomy.unit,
+                sorted(anatomy.labels.items()),
+                [place.name for place in anatomy.places],
+            )
         case _:
             pass
     hashes = [sha256(file) for file in files]

@@ -65,8 +65,8 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "reading": (
         "jaxfsi/fields/*", "study/aortic_site.py", "study/boundary_run.py", "study/fsi_bench.py",
-        "study/lumen_motion.py", "study/ramp_run.py", "study/simulation_pictures.py",
-        "study/simulation_results.py",
+        "study/lumen_motion.py", "study/openings.py", "study/ramp_run.py",
+        "study/simulation_pictures.py", "study/simulation_results.py",
     ),
     "derivatives": (
         "calibration/lumen_shape.py", "calibration/ratio_gradient.py", "study/fsi_sensitivity.py",
@@ -78,8 +78,8 @@ PARTS: dict[str, tuple[str, ...]] = {
     "case": (
         "study/algorithm.py", "study/algorithm_results.py", "study/anatomy_tables.py",
         "study/beat.py", "study/case.py", "study/case_anatomy.py", "study/case_tables.py",
-        "study/findings.py", "study/losses_table.py", "study/pipeline.py", "study/results.py", "study/schema.py",
-        "study/sensitivity_part.py", "study/study_command.py", "study/sweep.py",
+        "study/findings.py", "study/losses_table.py", "study/pipeline.py", "study/results.py",
+        "study/schema.py", "study/sensitivity_part.py", "study/study_command.py", "study/sweep.py",
         "study/tables.py", "study/tuning.py",
     ),
 }  # fmt: skip

@@ -17,11 +17,13 @@ from calibration import RampFit, RampRecord, fit_ramp, measured_slope
 from jaxfsi.core.ports import Port, PressurePort
 from jaxfsi.core.state import initial_state
 from jaxfsi.simulation import Record
+from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import MMHG, Ramp
 from lumped.waveforms import Constant
 from study.case_model import case_model
 from study.fsi_bench import Bench, finished_run
-from study.simulation_case import ANOMALOUS, INLET, STEP, Outlets, Schedule, Setup
+from study.openings import ANOMALOUS, INLET, distal_name
+from study.simulation_case import STEP, Outlets, Schedule, Setup
 from study.stages import stage_key
 
 RAMP = "ramp"
@@ -79,13 +81,13 @@ def prepare_ramp(bench: Bench, choice: RampChoice) -> Setup:
 
 
 def _columns(record: Record, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    i = names.index(INLET)
-    j = next(k for k, name in enumerate(names) if name.startswith(ANOMALOUS))
+    distal = distal_name(names)
+    assert distal is not None, "checked by check_openings"
     return {
         "t": record.t,
-        "P_aorta": record.P_port[:, i],
-        "P_distal": record.P_port[:, j],
-        "Q": record.Q_port[:, j],
+        "P_aorta": port_pressure(record, names, INLET),
+        "P_distal": port_pressure(record, names, distal),
+        "Q": port_flow(record, names, distal),
     }
 
 

@@ -66,10 +66,8 @@ from study.case import Case, Condition
 from study.case_anatomy import MeshAnatomy, SurfaceAnatomy
 from study.case_model import Keep, case_model
 from study.faults import CaseError, Fault, shown_key
+from study.openings import ANOMALOUS, INLET, OUTLET
 from study.patient import Patient, condition_of, load_patient, stress_rules
-
-INLET, OUTLET = "aorta_inlet", "aorta_outlet"
-ANOMALOUS = "anomalous"
 
 STEP = 1.0e-3
 """Length of a step where the case says nothing [s]."""

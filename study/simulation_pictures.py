@@ -4,7 +4,6 @@ import importlib.util
 import io
 import pathlib
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -15,10 +14,8 @@ from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import Entry, read_series
 from jaxfsi.mesh import Region
 from jaxfsi.meshing.isolate import MeshingError, NativeCall, run_isolated
-from jaxfsi.simulation import Record
-from lumped import MMHG
 from study.mesh_pictures import septum_place
-from study.simulation_case import INLET, OUTLET
+from study.openings import INLET, OUTLET, Inlet
 
 PICTURES = {
     "pressure": "Pressure less that of the aortic inlet, in a plane along the anomalous artery;"
@@ -48,23 +45,6 @@ def chosen_frames(entries: Sequence[Entry], period: float) -> list[Entry]:
     times = np.array([entry.t for entry in entries])
     places = [int(np.argmin(np.abs(times - begin - phase * span))) for phase in _PHASES]
     return [entries[k] for k in dict.fromkeys(places)]
-
-
-class Inlet(NamedTuple):
-    """The aortic pressure over a run, from which pictures count.
-
-    Attributes:
-        t: times [s].
-        P_mmHg: pressure at these times [mmHg].
-    """
-
-    t: np.ndarray
-    P_mmHg: np.ndarray
-
-
-def inlet_of(record: Record) -> Inlet:
-    """The aortic pressure of a run."""
-    return Inlet(record.t, record.P_port[:, 0] / MMHG)
 
 
 def draw_simulation(

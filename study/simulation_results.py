@@ -16,8 +16,9 @@ from jaxfsi.simulation import Record, ShearMeans, SolverChoice
 from lumped import ML_PER_MIN, MMHG
 from study.case import Case
 from study.mesh_results import picture_text
+from study.openings import INLET, SEGMENT_INLET, distal_name
 from study.results import FORMAT, ratio_name
-from study.simulation_case import ANOMALOUS, INLET, Setup
+from study.simulation_case import Setup
 from study.simulation_run import FIELD_FOLDER, Outcome
 
 SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
@@ -104,16 +105,15 @@ def cycle_means(record: Record, names: tuple[str, ...], period: float) -> list[d
             for i, name in enumerate(names)
             if _is_opening(name)
         }
-        distal = [
-            entry["mean_P_mmHg"] for name, entry in ports.items() if name.startswith(ANOMALOUS)
-        ]
-        aorta = ports[INLET]["mean_P_mmHg"] if INLET in ports else None
+        means = {name: entry["mean_P_mmHg"] for name, entry in ports.items()}
+        distal = distal_name(means)
+        aorta = means.get(INLET, means.get(SEGMENT_INLET))
         found.append(
             {
                 "cycle": k + 1,
                 "complete": bool(record.dt[part].sum() > period * (1.0 - 1e-6)),
                 "ports": ports,
-                "ratio": distal[0] / aorta if distal and aorta else None,
+                "ratio": means[distal] / aorta if distal and aorta else None,
                 "net_outflow_ml": float(
                     np.sum(record.dt[part, None] * record.Q_port[part][:, _openings(names)])
                 ),

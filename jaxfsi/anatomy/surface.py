@@ -21,6 +21,7 @@ from jaxtyping import Bool, Float
 from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
 from jaxfsi.anatomy.crossings import crossing_faces
 from jaxfsi.anatomy.ct_course import smoothed
+from jaxfsi.anatomy.end_names import AORTA_INLET, AORTA_OUTLET, inlet_of, named_ends
 from jaxfsi.anatomy.flat_ends import FlatEnd, ends_of, open_ends, outwards, without_caps
 from jaxfsi.anatomy.medial import medial_path, medial_radius
 from jaxfsi.anatomy.surface_edits import (
@@ -40,6 +41,7 @@ from jaxfsi.anatomy.walled_surface import (
     wall_distance,
     walled_surface,
 )
+from jaxfsi.opening import canonically_ordered
 
 Unit = Literal["mm", "cm", "m"]
 
@@ -130,7 +132,7 @@ def surface_anatomy(
     radius = _radius(smooth, ends, closed, longest)
     thickness = _thickness(closed, radius, ends, options)
     walled = walled_surface(closed, radius, thickness)
-    named = _named(ends, names, scale)
+    named = named_ends(ends, names, scale)
     openings = _openings(closed, named, radius, thickness) + _cut_openings(
         cuts or {}, scale, walled
     )
@@ -140,7 +142,7 @@ def surface_anatomy(
         wall=partial(wall_distance, walled),
         local_radius=partial(local_radius, walled),
         thickness=partial(local_thickness, walled),
-        openings=openings,
+        openings=canonically_ordered(openings),
         bounds=_bounds(smooth, float(np.max(thickness))),
         centerlines=_centerlines(closed, radius, named),
         meta={
@@ -260,49 +262,6 @@ def _thickness(
     return thickness
 
 
-def _named(
-    ends: Sequence[FlatEnd], names: Mapping[str, Sequence[float]] | None, scale: float
-) -> dict[str, FlatEnd]:
-    """Ends by name, see `surface_anatomy`."""
-    if names is not None:
-        return _named_by_user(ends, names, scale)
-    ordered = sorted(ends, key=lambda end: -end.radius)
-    aorta, others = ordered[:2], ordered[2:]
-    if others:
-        middle = np.mean([end.centre for end in others], axis=0)
-        aorta.sort(key=lambda end: float(np.linalg.norm(end.centre - middle)))
-    else:
-        aorta.sort(key=lambda end: float(end.centre[2]))
-    named = dict(zip(("aorta_inlet", "aorta_outlet"), aorta, strict=False))
-    if len(others) == 1:
-        return named | {"anomalous_outlet": others[0]}
-    return named | {f"coronary_outlet_{i}": end for i, end in enumerate(others, start=1)}
-
-
-def _named_by_user(
-    ends: Sequence[FlatEnd], names: Mapping[str, Sequence[float]], scale: float
-) -> dict[str, FlatEnd]:
-    if len(names) != len(ends):
-        raise ValueError(
-            f"{len(names)} names for {len(ends)} ends of the surface (centres, in cm:"
-            f" {'; '.join(', '.join(f'{x:.3g}' for x in end.centre) for end in ends)})."
-            " Name every end once."
-        )
-    named: dict[str, FlatEnd] = {}
-    left = list(ends)
-    for name, point in names.items():
-        distances = [np.linalg.norm(end.centre - scale * np.array(point)) for end in left]
-        k = int(np.argmin(distances))
-        if distances[k] > 2.0 * left[k].radius:
-            raise ValueError(
-                f"no end of the surface lies near the point given for {name!r} (the nearest free"
-                f" one is {distances[k]:.2g} cm away). Give the middle of its end in the unit of"
-                " the surface."
-            )
-        named[name] = left.pop(k)
-    return named
-
-
 def _openings(
     surface: Triangles,
     named: Mapping[str, FlatEnd],
@@ -356,17 +315,23 @@ def _bounds(surface: Triangles, thickness: float) -> Float[np.ndarray, "2 3"]:
 def _centerlines(
     surface: Triangles, radius: Float[np.ndarray, " points"], named: Mapping[str, FlatEnd]
 ) -> dict[str, Centerline]:
-    """The way from the first end to each other end; of branches, from where they leave it."""
+    """The way from the inlet to each other end; of branches of an aorta, from where they leave it.
+
+    See `jaxfsi.anatomy.end_names.inlet_of` for which end is the inlet.
+    """
     lines: dict[str, Centerline] = {}
-    ends = list(named.items())
-    for i, (name, end) in enumerate(ends[1:]):
-        inlet = ends[0][1]
+    first = inlet_of(named)
+    inlet = named[first]
+    for name, end in named.items():
+        if name == first:
+            continue
         points, size = medial_path(surface, radius, inlet.loop, end.loop)
-        if i > 0:
+        leaves_aorta = first == AORTA_INLET and name != AORTA_OUTLET
+        if leaves_aorta:
             wide = np.flatnonzero(size > _AORTIC * inlet.radius)
             points = points[wide[-1] + 1 if len(wide) else 0 :]
         points = np.concatenate([points, end.centre[None]])
-        if i == 0:
+        if not leaves_aorta:
             points = np.concatenate([inlet.centre[None], points])
         points = _evenly(points, _LINE_STEP)
         if len(points) > 2:

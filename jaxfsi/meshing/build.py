@@ -36,6 +36,7 @@ from jaxfsi.meshing.quality import Quality, mesh_quality
 from jaxfsi.meshing.remesh import remesh_surfaces
 from jaxfsi.meshing.sizes import SizeField, choose_sizes, sample_surface
 from jaxfsi.meshing.topology import TopologyReport, check_topology
+from jaxfsi.opening import canonically_ordered
 
 Progress = Callable[[str, float], None]
 
@@ -146,7 +147,8 @@ def build_mesh(
     """Mesh the blood and the wall of an anatomy.
 
     Args:
-        anatomy: implicit lumen and wall with openings.
+        anatomy: implicit lumen and wall with openings, in any order: the mesh has them in that of
+            `jaxfsi.opening.canonical_order`.
         preset: ``coarse``, ``medium`` or ``fine``: about 30 000, 150 000 or 500 000 tetrahedra.
         elements_across: least number of elements across the width of the lumen (the minor axis of
             a slit); the mesh grows beyond its preset where this asks for it.
@@ -164,6 +166,7 @@ def build_mesh(
     """
     request = Request(preset, elements_across, wall_layers, backend)
     check_demands(anatomy, request, smallest=ATTEMPTS[-1].lattice.smallest)
+    anatomy = dataclasses.replace(anatomy, openings=canonically_ordered(anatomy.openings))
     faults: list[str] = []
     for attempt in ATTEMPTS:
         stages = _Stages(progress)

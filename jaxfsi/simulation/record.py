@@ -5,6 +5,7 @@ each port, n_linear, n_nonlinear, residual, least_volume, change. Q > 0 leaves t
 """
 
 import pathlib
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +67,22 @@ def mean_over(record: Record, t_from: float) -> tuple[np.ndarray, np.ndarray]:
     late = record.t > t_from + 0.5 * float(np.min(record.dt, initial=np.inf))
     weight = record.dt[late] / np.sum(record.dt[late])
     return weight @ record.P_port[late], weight @ record.Q_port[late]
+
+
+def port_pressure(record: Record, names: Sequence[str], name: str) -> Float[np.ndarray, " steps"]:
+    """Mean pressure of one port at each step [dyn/cm²].
+
+    Args:
+        record: of a run.
+        names: of the ports of its model, in their order.
+        name: of the port.
+    """
+    return record.P_port[:, names.index(name)]
+
+
+def port_flow(record: Record, names: Sequence[str], name: str) -> Float[np.ndarray, " steps"]:
+    """Flow out of one port at each step [cm³/s]; see `port_pressure`."""
+    return record.Q_port[:, names.index(name)]
 
 
 def columns(names: tuple[str, ...]) -> list[str]:

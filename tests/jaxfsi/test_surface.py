@@ -1,3 +1,4 @@
+import itertools
 import pathlib
 
 import numpy as np
@@ -7,6 +8,7 @@ import trimesh
 
 from jaxfsi.anatomy import Cut, SurfaceOptions, Triangles, read_triangles, surface_anatomy
 from jaxfsi.anatomy.crossings import crossing_faces
+from jaxfsi.anatomy.end_names import inlet_of, named_ends
 from jaxfsi.anatomy.flat_ends import boundary_loops, ends_of, outwards, without_caps
 from jaxfsi.anatomy.medial import medial_radius
 from jaxfsi.anatomy.surface_distance import nearest, surface_distance
@@ -169,18 +171,41 @@ def test_open_and_capped_surfaces_give_the_same_ends(branching, capped):
     assert [end.radius for end in ends] == pytest.approx([1.0, 1.0, 0.2], rel=0.03)
 
 
+def test_order_of_names_changes_nothing(branching):
+    """Half of the orders name the ends of the aorta after the branch, or its outlet first."""
+    given = {
+        "aorta_inlet": [0.0, 0.0, -HALF],
+        "aorta_outlet": [0.0, 0.0, HALF],
+        "anomalous_outlet": [LENGTH, 0.0, 0.0],
+    }
+    end = {end.centre[2].round(): end for end in ends_of(branching)}
+    ends = [end[-HALF], end[HALF], end[0.0]]
+    named = dict(zip(given, ends, strict=True))
+    for order in itertools.permutations(given):
+        assert inlet_of({name: named[name] for name in order}) == "aorta_inlet"
+        found = named_ends(ends, {name: given[name] for name in order}, 1.0)
+        assert list(found) == list(given)
+        assert all(found[name] is named[name] for name in given)
+    usual = surface_anatomy(branching, unit="cm", names=given)
+    turned = surface_anatomy(branching, unit="cm", names=dict(reversed(given.items())))
+    assert [opening.name for opening in turned.openings] == list(given)
+    assert list(turned.centerlines) == list(usual.centerlines) == ["aorta", "anomalous"]
+    for name, line in usual.centerlines.items():
+        np.testing.assert_array_equal(turned.centerlines[name].points, line.points)
+
+
 def test_ends_are_named_by_the_user_and_cuts_are_added(branching):
-    names = {"root": [0.0, 0.0, -HALF], "arch": [0.0, 0.0, HALF], "rca": [LENGTH, 0.0, 0.0]}
+    names = {"inlet": [0.0, 0.0, -HALF], "arch": [0.0, 0.0, HALF], "rca": [LENGTH, 0.0, 0.0]}
     anatomy = surface_anatomy(branching, unit="cm", names=names)
-    assert [opening.name for opening in anatomy.openings] == ["root", "arch", "rca"]
+    assert [opening.name for opening in anatomy.openings] == ["inlet", "arch", "rca"]
     assert set(anatomy.centerlines) == {"arch", "rca"}
     assert np.max(np.abs(anatomy.centerlines["arch"].points[5:-5, :2])) < 0.3
     with pytest.raises(ValueError, match=r"2 names for 3 ends.*Name every end"):
         surface_anatomy(branching, unit="cm", names=dict(list(names.items())[:2]))
     with pytest.raises(ValueError, match=r"no end of the surface lies near.*'rca'"):
         surface_anatomy(branching, unit="cm", names=names | {"rca": [0.0, 2.0, 0.0]})
-    cut = {"side": Cut([1.8, 0.0, 0.0], [2.0, 0.0, 0.0], 0.2)}
-    assert surface_anatomy(branching, unit="cm", cuts=cut).openings[-1].name == "side"
+    cut = {"aside": Cut([1.8, 0.0, 0.0], [2.0, 0.0, 0.0], 0.2)}
+    assert surface_anatomy(branching, unit="cm", cuts=cut).openings[-1].name == "aside"
     with pytest.raises(ValueError, match=r"cut 'side'.*outside the lumen"):
         surface_anatomy(branching, unit="cm", cuts={"side": Cut([3.0, 0, 0], [1.0, 0, 0], 0.2)})
 

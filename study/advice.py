@@ -18,11 +18,28 @@ _LARGEST_CONVERTED = 1e200
 """Larger numbers are nonsense in any unit, and integers beyond it may not fit a float."""
 
 
+_CLOSE = 0.6
+"""Part of two names that must agree: prestress and support_stiffness share 0.54."""
+
+_PYTHON_ALONE = {
+    ("support", "tissue"): "tissue outside the wall has no key in a case file; in Python it is"
+    " jaxfsi.core.solid.Wall(..., support_stiffness=..., support_damping=...). Remove it",
+}
+"""What input files do not take and Python does, by how its names begin."""
+
+
 def nearest(name: str, candidates: Sequence[str]) -> str | None:
-    """The candidate that a misspelt name resembles most, upper and lower case alike."""
+    """The candidate that a misspelt or shortened name resembles most, in any case of letters."""
     lower = {candidate.lower(): candidate for candidate in candidates}
-    found = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)
+    short = [full for full in lower if len(name) > 2 and full.startswith(name.lower())]
+    found = short or difflib.get_close_matches(name.lower(), lower, n=1, cutoff=_CLOSE)
     return lower[found[0]] if found else None
+
+
+def python_alone(name: str) -> str | None:
+    """The cure for a name of the Python interface that input files do not take."""
+    cures = (cure for starts, cure in _PYTHON_ALONE.items() if name.lower().startswith(starts))
+    return next(cures, None)
 
 
 def explain_wrong_unit(

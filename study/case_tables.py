@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jaxfsi.meshing.presets import PRESETS
-from study.advice import nearest
+from study.advice import nearest, python_alone
 from study.anatomy_tables import KINDS, read_anatomy
 from study.beat import read_beat
 from study.faults import printable, shown_key
@@ -185,11 +185,13 @@ def _refuse_unknown_tables(document: Mapping[str, Any], context: Context) -> set
     for name, value in document.items():
         if name in TABLES or name in FREE_TEXT:
             continue
-        close = nearest(name, TABLES)
+        close, alone = nearest(name, TABLES), python_alone(name)
         if isinstance(value, dict) and condition_keys & set(value):
             cure = f"a condition is written [condition.{shown_key(name)}]"
         elif name in context.homes:
             cure = f"move it below {context.homes[name]}"
+        elif alone:
+            cure = alone
         elif close:
             cure = f"the nearest valid table is [{close}]"
             meant.add(close)

@@ -2,6 +2,7 @@
 
 import io
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from matplotlib import rc_context
@@ -35,6 +36,22 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "path",
 }
 """Settings of matplotlib for every figure."""
+
+
+def legend_below(figure: Figure, handles: Sequence[Any], *, most: int = 4) -> None:
+    """A legend below a figure, in as many columns as fit its width.
+
+    Args:
+        figure: with a constrained layout, which makes room.
+        handles: entries.
+        most: columns at most.
+    """
+    for columns in range(min(len(handles), most), 0, -1):
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+        width = legend.get_window_extent().width
+        if width <= figure.bbox.width or columns == 1:
+            return
+        legend.remove()
 
 
 def svg(figure: Figure, name: str) -> str:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
+from study.drawing import COLOURS, GREY, INK, RED, STYLE, legend_below, svg
 from study.patient import LINEAR, QUADRATIC
 from study.pipeline import CALIBRATED, FIXED
 
@@ -105,9 +105,7 @@ def waveforms(document: Document) -> str:
         grid[0, 0].set_ylabel("pressure [mmHg]")
         grid[1, 0].set_ylabel("coronary flow [mL/min]")
         grid[2, 0].set_ylabel("distal / aortic")
-        figure.legend(
-            handles=list(handles.values()), loc="outside lower center", ncols=min(len(handles), 4)
-        )
+        legend_below(figure, list(handles.values()))
         return svg(figure, "waveforms")
 
 

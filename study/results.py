@@ -33,11 +33,12 @@ _FILES = (
     COHORT_FILE,
     STUDY_FILE,
     RESULT_FILE,
-    MESH_FILE,
     SIMULATION_FILE,
     "diagnosis.json",
     "plan.json",
+    MESH_FILE,
 )
+"""Documents of a folder; where it holds more than one, the first is shown."""
 
 Document = dict[str, Any]
 
@@ -221,6 +222,7 @@ def _calibrations(
         law: {
             "alpha": fit.alpha,
             "alpha_95": [fit.alpha * math.exp(sign * 1.96 * fit.sd_log) for sign in (-1.0, 1.0)],
+            "log_alpha_by_log": fit.by,
             "target": fit.target,
             "rest_ratio": fit.ratio,
             "newton_iterations": fit.iterations,

@@ -177,7 +177,6 @@ def _solver(case: Case, setup: Setup, outcome: Outcome) -> dict[str, Any]:
     plan, record = setup.schedule, outcome.record
     n = record.n_steps
     done = round(float(record.step[-1])) if n else 0
-    fresh = done - (outcome.resumed_from or 0)
     return {
         "dt_s": plan.dt,
         "steps_planned": plan.n_steps,
@@ -185,7 +184,8 @@ def _solver(case: Case, setup: Setup, outcome: Outcome) -> dict[str, Any]:
         "steps_done": done,
         "steps_taken": n,
         "resumed_from": outcome.resumed_from,
-        "seconds_per_step": outcome.seconds / fresh if fresh > 0 else None,
+        "seconds_per_step": outcome.pace,
+        "seconds": outcome.seconds,
         "mean_iterations": float(record.n_linear.mean()) if n else None,
         "largest_iterations": int(record.n_linear.max()) if n else None,
         "largest_residual": float(record.residual.max()) if n else None,

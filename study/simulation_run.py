@@ -11,6 +11,7 @@ import pathlib
 import time
 from typing import Any, NamedTuple
 
+from jaxfsi import OUTER_WALL
 from jaxfsi.core.state import State
 from jaxfsi.simulation import (
     CheckpointError,
@@ -54,7 +55,6 @@ steps of 1 ms; more than 0 was not tried since they are not (`jaxfsi.core.equati
 
 STEP_NAME = "running"
 _HISTORY_SECONDS = 10.0
-_COMPILE_SECONDS = 60.0
 
 
 class Outcome(NamedTuple):
@@ -65,10 +65,12 @@ class Outcome(NamedTuple):
         events: what went wrong and was mended.
         resumed_from: whole step that it went on from; None for a fresh run.
         shear: wall shear stress of the last cycle; None before two looks.
-        seconds: time that the steps took [s].
+        seconds: time that the run took, compiling included [s].
         failure: why it ended early; None where it did not.
         interrupted: whether the user ended it.
         state: at its end; None where it did not get there.
+        pace: time of a whole step, output included and compiling left out [s]; None where too few
+            were taken to tell.
     """
 
     record: Record
@@ -79,6 +81,7 @@ class Outcome(NamedTuple):
     failure: str | None = None
     interrupted: bool = False
     state: State | None = None
+    pace: float | None = None
 
 
 def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Progress) -> Outcome:
@@ -109,7 +112,7 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
         change_limit=options.change_limit,
     )
     start = time.monotonic()
-    progress.tell("compiling the step", _COMPILE_SECONDS)
+    progress.tell("compiling the step")
     try:
         end = simulate(
             setup.model,
@@ -141,9 +144,16 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
     except CheckpointError as error:
         raise CaseError([_refusal(checkpoint, error, plan)]) from error
     if found.record.n_steps:
-        write_csv(folder / HISTORY_FILE, found.record, setup.model.names)
+        write_history(folder, found.record, setup.model.names)
     shear.write(folder / SHEAR_FILE)
-    return found._replace(seconds=time.monotonic() - start)
+    return found._replace(seconds=time.monotonic() - start, pace=watch.pace)
+
+
+def write_history(folder: pathlib.Path, record: Record, names: tuple[str, ...]) -> None:
+    """Write the history of the openings; the outside of the wall is a port of the model alone."""
+    chosen = [i for i, name in enumerate(names) if name != OUTER_WALL]
+    shown = record._replace(P_port=record.P_port[:, chosen], Q_port=record.Q_port[:, chosen])
+    write_csv(folder / HISTORY_FILE, shown, tuple(names[i] for i in chosen))
 
 
 def _refusal(path: pathlib.Path, error: CheckpointError, plan: Schedule) -> Fault:
@@ -162,6 +172,7 @@ class _Watch:
     def __init__(self, setup: Setup, folder: pathlib.Path, progress: Progress):
         self._setup, self._folder, self._progress = setup, folder, progress
         self._begun: tuple[float, float] | None = None
+        self.pace: float | None = None
         self._written = time.monotonic()
 
     def look(self, glimpse: Glimpse) -> None:
@@ -170,11 +181,12 @@ class _Watch:
         if self._begun is None:  # the first chunk compiles
             self._begun = (now, glimpse.step)
         begun, step = self._begun
-        pace = (now - begun) / (glimpse.step - step) if glimpse.step > step else 0.0
-        left = pace * (glimpse.n_steps - glimpse.step)
-        self._progress.tell(progress_text(glimpse, self._setup.schedule, pace), left)
+        if glimpse.step > step:
+            self.pace = (now - begun) / (glimpse.step - step)
+        left = None if self.pace is None else self.pace * (glimpse.n_steps - glimpse.step)
+        self._progress.tell(progress_text(glimpse, self._setup.schedule, self.pace or 0.0), left)
         if now - self._written > _HISTORY_SECONDS:
-            write_csv(self._folder / HISTORY_FILE, glimpse.record, glimpse.names)
+            write_history(self._folder, glimpse.record, glimpse.names)
             self._written = now
 
 

@@ -108,9 +108,9 @@ def _alphas(document: Document) -> Iterator[str]:
             continue
         low, high = fit["alpha_95"]
         checks = [("bisection", fit["bisection"]), ("closed form", fit["closed_form"])]
-        checked = "".join(f"; {name} {x:.10g}" for name, x in checks if x is not None)
+        checked = "".join(f"; {name} {x:.4g}" for name, x in checks if x is not None)
         yield (
-            f"{law} law: alpha = {fit['alpha']:.10g} (95 %: {low:.3g} to {high:.3g}) for a resting "
+            f"{law} law: alpha = {fit['alpha']:.4g} (95 %: {low:.3g} to {high:.3g}) for a resting "
             f"ratio of {fit['target']:g}{checked}"
         )
 

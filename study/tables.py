@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from study.advice import explain_wrong_unit, nearest, range_cure
+from study.advice import explain_wrong_unit, nearest, python_alone, range_cure
 from study.faults import Fault, shown, shown_key
 from study.schema import (
     FREE_TEXT,
@@ -213,6 +213,9 @@ def _refuse_unknown(
     names = [key.key for one in keys for key in spellings(one)]
     valid = "keys " + ", ".join([*names, *FREE_TEXT])
     wrong_unit = explain_wrong_unit(name, value, [k for k in keys if isinstance(k, Quantity)])
+    if cure := python_alone(name):
+        context.add(place, value, "unknown key", cure, valid)
+        return ""
     if name in context.homes:
         home = context.homes[name]
         context.add(place, value, "the key belongs elsewhere", f"move it below {home}", valid)

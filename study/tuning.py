@@ -59,6 +59,8 @@ class Calibration:
         bisection: α by bisection, as in the paper [-]; None where α lies outside 1e-4 .. 1e4.
         bisection_iterations: its evaluations of the model.
         sd_log: standard deviation of log α from the error of the measured ratio [-].
+        by: ∂ log α / ∂ log p, the measured ratio kept, for each parameter p, and for the measured
+            ratio itself, `rest_ratio` [-].
     """
 
     law: str
@@ -70,6 +72,7 @@ class Calibration:
     bisection: float | None
     bisection_iterations: int
     sd_log: float
+    by: dict[str, float]
 
 
 class Tuning(NamedTuple):
@@ -163,6 +166,7 @@ def calibrate_model(patient: Patient, model: Model) -> Calibration:
         bisection=float(bisection.alpha) if bracketed else None,
         bisection_iterations=int(bisection.iterations),
         sd_log=abs(float(moved["rest_ratio"])) * ratio_error(case.conditions["rest"]) / target,
+        by={name: float(slope) for name, slope in moved.items()},
     )
 
 

@@ -130,6 +130,18 @@ BAD_EDITS = {
         "P_diastolic_mmHg = 65", "p_diastolic_MMHG = 65",
         "condition.rest.p_diastolic_MMHG", "write P_diastolic_mmHg = 65",
     ),
+    "tissue outside the wall": (
+        "[wall]", "[wall]\nsupport_stiffness = 1e5",
+        "wall.support_stiffness", "tissue outside the wall has no key in a case file",
+    ),
+    "tissue with a unit": (
+        "[wall]", "[wall]\nsupport_stiffness_dyn_per_cm3 = 1e5",
+        "wall.support_stiffness_dyn_per_cm3", "support_stiffness=..., support_damping=...",
+    ),
+    "table of the tissue": (
+        "[coronary]", "[tissue]\nstiffness = 1e5\n[coronary]",
+        "tissue", "tissue outside the wall has no key in a case file",
+    ),
     "key like no other": ("[blood]", "[blood]\nzzz = 1", "blood.zzz", "remove it"),
     "key that needs quotes": ("[blood]", '[blood]\n"a\\nb" = 1', "'a\\\\nb'", "remove it"),
     "key in the wrong table": (

@@ -3,6 +3,7 @@
 import csv
 import json
 import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import study.cli
 from study import demo_case_path
 from study.arguments import alpha_range
+from study.results import FORMAT, load_document
 
 CASE = """\
 [patient]
@@ -86,6 +88,28 @@ def test_calibrate_agrees_with_run(case_file, small_result, command, tmp_path):
     # the same computation
     assert outcome.json["alpha"] == small_result["calibrations"]["linear"]["alpha"]
     assert outcome.written("calibration.json")["alpha"] == outcome.json["alpha"]
+
+    # alpha of the closed form goes with R0, and with d/(1 − d) of the measured ratio d
+    by = outcome.written("calibration.json")["calibrations"]["linear"]["log_alpha_by_log"]
+    assert by["R0"] == pytest.approx(1.0, abs=1e-9)
+    assert by["rest_ratio"] == pytest.approx(1.0 / (1.0 - 0.91), rel=1e-9)
+    assert by["R_1"] == pytest.approx(-3.1992e4 / 3.62576e5, rel=1e-6)
+
+
+def test_alpha_is_told_with_the_digits_that_mean_something(small_run):
+    (line,) = [
+        line for line in small_run.stdout.splitlines() if "alpha = " in line and "95" in line
+    ]
+    assert "alpha = 0.1394 (95 %" in line
+    assert not re.search(r"\d\.\d{6}", line)
+
+
+def test_folder_of_a_run_shows_the_run_and_not_its_mesh(tmp_path):
+    for kind, name in (("mesh", "mesh.json"), ("simulate", "simulation.json")):
+        (tmp_path / name).write_text(json.dumps({"format": FORMAT, "kind": kind}))
+    assert load_document(tmp_path)["kind"] == "simulate"
+    (tmp_path / "simulation.json").unlink()
+    assert load_document(tmp_path)["kind"] == "mesh"
 
 
 def test_sweep_agrees_with_calibration_and_stress(case_file, small_result, command, tmp_path):

@@ -26,12 +26,10 @@ from diagnosis.measured import (
     noise_correlation,
 )
 from diagnosis.prediction import P_SD_MMHG, R0_PRIOR, R0_SD_LOG
+from diagnosis.richness import RICHNESS
 
 PRESSURE_SD_MMHG, FLOW_RELATIVE_SD, FFR_SD = 1.0, 0.05, 0.01
 """Noise where the record neither states it nor has beats to estimate it from."""
-
-RICHNESS = ("ffr", "means", "means+flow", "waveforms", "waveforms+flow")
-"""What may be used of a record, from poor to rich; a flow waveform is used with the last."""
 
 FEWEST_BEATS = 3
 """Beats from which noise is estimated."""

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from study.progress import Progress
     from study.record_template import record_template
     from study.report import html_report
-    from study.results import case_document, load_document, to_json
+    from study.results import case_document
+    from study.stored_document import load_document, to_json
     from study.sweep import sweep_case
     from study.template import case_template
     from study.tuning import Calibration, Tuning, calibrate_case

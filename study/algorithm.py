@@ -40,8 +40,8 @@ from study.patient import LINEAR, QUADRATIC, stress_rules
 from study.pipeline import CaseResult, run_case
 from study.progress import Progress
 from study.ramp_run import RAMP, RampChoice, fitted, ramp_record
+from study.result_files import FIELD_FOLDER
 from study.simulation_case import STEP, check_openings, check_simulation
-from study.simulation_run import FIELD_FOLDER
 from study.stages import Stages, stage_key
 
 PAPER, CURVE, LOOP, NOMINAL = "paper", "curve", "loop", "nominal"

@@ -15,7 +15,8 @@ from study.openings import Inlet
 from study.output import write_tree
 from study.progress import Progress
 from study.report import rendered, safe
-from study.results import STUDY_FILE, STUDY_PAGE, to_json
+from study.result_files import STUDY_FILE, STUDY_PAGE
+from study.result_files import STUDY_PICTURES as PICTURE_FOLDER
 from study.simulation_pictures import (
     PICTURES,
     draw_film,
@@ -23,8 +24,9 @@ from study.simulation_pictures import (
     draw_simulation,
 )
 from study.simulation_results import SERIES_FILE, Drawn, embedded_pictures
+from study.stored_document import to_json
 
-PICTURE_FOLDER, FILM_SUFFIX = "study-pictures", "film.gif"
+FILM_SUFFIX = "film.gif"
 
 
 def write_study(

@@ -5,17 +5,17 @@ from typing import Any
 
 from study.algorithm import CURVE, LOOP, NOMINAL, PAPER, StudyResult, shown_runs
 from study.case import WindkesselParameters
+from study.document_rows import CALIBRATED, FIXED
 from study.findings import FFR_THRESHOLD
 from study.kept_parts import computed_parts, older_parts
 from study.lumen_motion import measured_states
 from study.numerics import decided_by
 from study.patient import LINEAR, QUADRATIC
-from study.pipeline import CALIBRATED, FIXED
 from study.ramp_run import ramp_part
-from study.results import FORMAT
 from study.sensitivity_part import sensitivity_parts
 from study.simulation_case import OUTLET
 from study.simulation_results import Drawn
+from study.stored_document import FORMAT
 
 Document = dict[str, Any]
 

@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from diagnosis import RICHNESS
+from diagnosis.richness import RICHNESS
 from jaxfsi.meshing.presets import PRESETS
 from study.cache import VARIABLE
-from study.mesh_results import FORMATS
+from study.result_files import MESH_FORMATS as FORMATS
 
 LARGEST_COUNT = 1_000_000
 _ON_RECORDS = ("diagnose", "plan-measurement")

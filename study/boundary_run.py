@@ -37,13 +37,13 @@ from study.case_model import case_model
 from study.fsi_bench import Bench, finished_run
 from study.openings import ANOMALOUS, INLET, distal_name
 from study.patient import stress_rules
+from study.result_files import FIELD_FOLDER
 from study.simulation_case import (
     Setup,
     image_pressure,
     outlets_of,
     plan_steps,
 )
-from study.simulation_run import FIELD_FOLDER
 from study.stages import stage_key
 
 PHASES = np.arange(256) / 256

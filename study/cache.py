@@ -4,8 +4,6 @@ import os
 import pathlib
 import sys
 
-import jax
-
 VARIABLE = "JAXFSI_CACHE_DIR"
 """Environment variable with another folder for the cache, or `off`."""
 
@@ -48,7 +46,14 @@ def use_cache() -> pathlib.Path | None:
         return None
     if not os.access(folder, os.W_OK):
         return None
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    settings = {
+        "jax_compilation_cache_dir": str(folder),
+        "jax_persistent_cache_min_compile_time_secs": 0.0,
+        "jax_persistent_cache_min_entry_size_bytes": -1,
+    }
+    for name, value in settings.items():
+        if "jax" in sys.modules:
+            sys.modules["jax"].config.update(name, value)
+        else:  # JAX reads it when it is imported
+            os.environ[name.upper()] = str(value)
     return folder

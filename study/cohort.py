@@ -18,10 +18,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
+from jaxfsi.fields.frame import write_whole
 from study.case import read_case
-from study.faults import CaseError, Fault
+from study.members import Member
 from study.provenance import input_files, sha256
-from study.results import RESULT_FILE, STUDY_FILE
+from study.result_files import RESULT_FILE, STUDY_FILE
 from study.stages import stage_key
 
 Mode = Literal["curve", "3d"]
@@ -42,25 +43,10 @@ core = os.environ.get("{CORE}", "")
 if core and hasattr(os, "sched_setaffinity"):
     os.sched_setaffinity(0, {{int(core)}})
 from study.cli import main
-sys.exit(main(sys.argv[1:]))
+sys.exit(main())
 """
 _LOOK_SECONDS = 0.5
 _INTERRUPTS = 30  # a second apart, before what still runs is killed
-
-
-@dataclasses.dataclass(frozen=True)
-class Member:
-    """A case of a cohort.
-
-    Attributes:
-        name: of its folder.
-        path: its case file.
-        folder: where its results go.
-    """
-
-    name: str
-    path: pathlib.Path
-    folder: pathlib.Path
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,25 +68,6 @@ class Fate:
     document: dict[str, Any] | None
     reason: str
     kept: bool = False
-
-
-def find_members(folder: pathlib.Path, out: pathlib.Path) -> list[Member]:
-    """Cases of a folder: its case files, or one in each of its folders, by name.
-
-    Raises:
-        CaseError: there is none, or the folder does not exist.
-    """
-    found: dict[str, pathlib.Path] = {}
-    if folder.is_dir():
-        for path in sorted(folder.glob("*/case.toml")):
-            found[path.parent.name] = path
-        for path in sorted(folder.glob("*.toml")):
-            found.setdefault(path.stem, path)
-    if not found:
-        cure = "give a folder with NAME/case.toml or NAME.toml, one for each patient"
-        problem = "no case in it" if folder.is_dir() else "no such folder"
-        raise CaseError([Fault(folder, "", None, problem, "", cure)])
-    return [Member(name, path, out / name) for name, path in found.items()]
 
 
 def member_key(member: Member, mode: Mode, extra: Sequence[str]) -> str:
@@ -194,6 +161,7 @@ def _started(
     command = "study" if mode == "3d" else "run"
     arguments = [command, str(member.path), *extra, "--out", str(member.folder)]
     alone = {} if core is None else {CORE: str(core)}  # beside it runs another case
+    (member.folder / LOG_FILE).unlink(missing_ok=True)  # an earlier result may hold it as well
     with (member.folder / LOG_FILE).open("wb") as log:
         return subprocess.Popen(
             [sys.executable, "-c", _PROGRAM, *arguments],
@@ -256,7 +224,7 @@ def _ended(member: Member, mode: Mode, extra: Sequence[str], status: int, start:
     if status == 0:
         document = json.loads(_result_file(member, mode).read_text(encoding="utf-8"))
         kept = {"key": member_key(member, mode, extra), "status": 0, "seconds": seconds}
-        (member.folder / STATUS_FILE).write_text(json.dumps(kept), encoding="utf-8")
+        write_whole(member.folder / STATUS_FILE, json.dumps(kept).encode())
     else:
         text = (member.folder / LOG_FILE).read_text(encoding="utf-8", errors="replace")
         lines = [line for line in text.splitlines() if line.strip()]

@@ -8,39 +8,42 @@ import platform
 from typing import Any
 
 from study.case import read_case
-from study.cohort import Member, find_members, run_cohort
+from study.cohort import run_cohort
 from study.cohort_figures import cohort_figures
 from study.cohort_results import cohort_document, pair_rows
-from study.faults import CaseError, Fault
+from study.command_output import Answer, note
+from study.earlier_run import make_way
+from study.folder_lock import at_work
+from study.members import Member
 from study.output import write_files
 from study.progress import Progress
-from study.provenance import commit, versions
+from study.provenance import commit, inputs_of, versions
 from study.report import rendered, safe
-from study.results import COHORT_FILE, COHORT_PAGE, Document, to_json
+from study.result_files import COHORT_FILE, COHORT_PAGE
+from study.results import Document
+from study.stored_document import to_json
 
 _SECONDS = {"curve": 60.0, "3d": 3000.0}
 
 
-def cohort_command(
-    options: argparse.Namespace, out: pathlib.Path
-) -> tuple[Document, list[pathlib.Path]]:
+def cohort_command(options: argparse.Namespace, members: list[Member], out: pathlib.Path) -> Answer:
     """Run a cohort and write its page.
+
+    A cohort of other input or options makes way before the first case: cases are kept under their
+    names, and one that is run anew would take the place of that which a page names.
 
     Args:
         options: of the command line.
+        members: its cases.
         out: a checked folder.
 
-    Returns:
-        The document and the paths written.
-
     Raises:
-        CaseError: there is no case, or some are faulty; all their faults are listed.
         RuntimeError: every case failed.
     """
-    members = find_members(options.folder, out)
-    check_members(members)
     extra = list(options.options or [])
-    with Progress() as progress:
+    with at_work(out, note), Progress() as progress:
+        origin = _provenance(options, members)
+        make_way(out, {"kind": "cohort", "provenance": origin}, note)
         workers = options.workers or os.cpu_count() or 1
         rounds = -(-len(members) // workers)
         progress.plan({"cases": _SECONDS[options.mode] * rounds, "writing the report": 3.0})
@@ -56,10 +59,10 @@ def cohort_command(
         progress.step("writing the report")
         if all(fate.document is None for fate in fates):
             raise RuntimeError(f"every case failed; {fates[0].member.name}: {fates[0].reason}")
-        document = cohort_document(fates, options.mode, _provenance(options))
+        document = cohort_document(fates, options.mode, origin)
         page = cohort_report(document)
         written = write_files(out, {COHORT_PAGE: page, COHORT_FILE: to_json(document)})
-    return document, written
+    return Answer(document, written)
 
 
 def cohort_report(document: Document) -> str:
@@ -68,24 +71,13 @@ def cohort_report(document: Document) -> str:
     return rendered("cohort.html", d=document, rows=pair_rows(document), fig=figures)
 
 
-def check_members(members: list[Member]) -> None:
-    """Read every case before any is run.
-
-    Raises:
-        CaseError: the faults of all cases.
-    """
-    faults: list[Fault] = []
-    for member in members:
-        try:
-            read_case(member.path)
-        except CaseError as error:
-            faults += error.faults
-    if faults:
-        raise CaseError(faults)
-
-
-def _provenance(options: argparse.Namespace) -> dict[str, Any]:
+def _provenance(options: argparse.Namespace, members: list[Member]) -> dict[str, Any]:
     return {
+        "inputs": [
+            {**entry, "file": f"{member.name}/{entry['file']}"}
+            for member in members
+            for entry in inputs_of(read_case(member.path))
+        ],
         "command": options.command_line,
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),

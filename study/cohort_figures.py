@@ -13,9 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from study.cohort_results import FIXED_0D
+from study.document_rows import CALIBRATED, FIXED
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, svg
 from study.numerals import signed
-from study.pipeline import CALIBRATED, FIXED
 
 Document = Mapping[str, Any]
 

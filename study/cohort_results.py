@@ -20,10 +20,10 @@ from study.algorithm import CURVE, PAPER
 from study.case import Case, read_case
 from study.case_anatomy import SyntheticAnatomy
 from study.cohort import Fate, Mode
+from study.document_rows import CALIBRATED, FIXED, ratio_name
 from study.faults import CaseError
 from study.patient import QUADRATIC
-from study.pipeline import CALIBRATED, FIXED
-from study.results import FORMAT, ratio_name
+from study.stored_document import FORMAT
 
 Document = dict[str, Any]
 

@@ -33,10 +33,9 @@ from study.finished_study import FinishedStudy, finished_study
 from study.folder_lock import at_work
 from study.fsi_bench import Bench
 from study.progress import Progress
+from study.result_files import IN_3D_FOLDER as FOLDER
 
 BEFORE, AFTER = "before", "after"
-FOLDER = "in-3d"
-"""Folder of the runs below that of the results."""
 
 Document = dict[str, Any]
 

@@ -21,9 +21,6 @@ from diagnosis.where import (
 )
 from study.diagnosis_words import sentence, size_of, to_do
 
-DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
-PLAN_FILE = "plan.json"
-
 SMALLEST_SHOWN = 1e-4
 """Probability below which a hypothesis is not listed on its own."""
 

@@ -14,7 +14,8 @@ from study.progress import Progress
 from study.provenance import origin
 from study.record_file import record_path
 from study.record_tables import R0_SD_LOG
-from study.results import STUDY_FILE, load_document
+from study.result_files import STUDY_FILE
+from study.stored_document import load_document
 
 STEPS = {
     "fitting the base model": 8.0,
@@ -62,15 +63,24 @@ def plan_record(record: Record, progress: Progress, provenance: Document) -> Doc
     return plan_document(record, diagnosis, settings, CATALOGUE, provenance)
 
 
-def record_origin(place: pathlib.Path, command: Sequence[str]) -> Document:
+def record_origin(
+    place: pathlib.Path, command: Sequence[str], case: pathlib.Path | None = None
+) -> Document:
     """What must be known to compute the result of a record again.
 
     Args:
         place: the record's file or folder.
         command: the command as it was given.
+        case: the case or the finished study that was used with it.
     """
     file = record_path(place)
-    return origin([file, *sorted(file.parent.glob("*.csv"))], file.parent, command)
+    files = [file, *sorted(file.parent.glob("*.csv"))]
+    if case is not None:
+        files.append(case / STUDY_FILE if case.is_dir() else case)
+    if case is not None and case.suffix != ".json" and case.is_file():
+        beside = case.parent / f"{case.stem}-results" / STUDY_FILE
+        files += [beside] if beside.is_file() else []
+    return origin(files, file.parent, command)
 
 
 def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from study.document_rows import CALIBRATED, FIXED
 from study.drawing import COLOURS, GREY, INK, RED, STYLE, legend_below, svg
 from study.patient import LINEAR, QUADRATIC
-from study.pipeline import CALIBRATED, FIXED
 
 Document = Mapping[str, Any]
 

@@ -10,8 +10,9 @@ import numpy as np
 from calibration.identifiability import RATIO_PARAMETERS, RatioIdentifiability
 from calibration.identifiability import identifiability as combinations
 from lumped import ML_PER_MIN, MM, MMHG
+from study.document_rows import CALIBRATED, FIXED
 from study.patient import LINEAR, QUADRATIC, Vessel
-from study.pipeline import CALIBRATED, FIXED, CaseResult, Run
+from study.pipeline import CaseResult, Run
 from study.tuning import ratio_error
 
 FFR_THRESHOLD = 0.80

@@ -14,7 +14,7 @@ from study.fsi_bench import Bench
 from study.numerics import decided_by
 from study.progress import Progress
 from study.provenance import input_files, origin
-from study.results import load_document
+from study.stored_document import load_document
 from study.study_command import study_case, study_choice
 
 

@@ -28,8 +28,8 @@ _WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
 _TRIES = 20
 _ELSEWHERE = "remove it, or name another folder with --out"
 
-Release = Callable[[bool], None]
-"""Gives a lock back; told whether the lock's file shall go as well."""
+Release = Callable[[], None]
+"""Gives a lock back."""
 
 
 @contextlib.contextmanager
@@ -51,15 +51,11 @@ def at_work(folder: pathlib.Path, tell: Callable[[str], None] | None = None) -> 
         try:
             yield
         finally:
-            release(bool(missing) and _holds_nothing(folder))
+            release()
     finally:
         for place in missing:
             with contextlib.suppress(OSError):  # it holds something
                 place.rmdir()
-
-
-def _holds_nothing(folder: pathlib.Path) -> bool:
-    return {path.name for path in folder.iterdir()} <= {LOCK_FILE, HOLDER_FILE}
 
 
 def _locked(folder: pathlib.Path, tell: Callable[[str], None] | None) -> Release:
@@ -79,10 +75,11 @@ def _locked(folder: pathlib.Path, tell: Callable[[str], None] | None) -> Release
             os.close(handle)
             raise
         if not without and current:
-            return lambda empty: _give_back(path, handle, remove=empty)
-        os.close(handle)
+            return lambda: _give_back(path, handle)
         if without:
+            _give_back(path, handle)
             return _held(folder, without, tell)
+        os.close(handle)
     raise lock_refusal(path, "vanishes again and again", "name another folder with --out")
 
 
@@ -152,9 +149,11 @@ def _lies_at(path: pathlib.Path, handle: int) -> bool:
     return os.path.samestat(there, os.fstat(handle))
 
 
-def _give_back(path: pathlib.Path, handle: int, *, remove: bool) -> None:
-    if remove:  # still locked: whoever has opened it meanwhile sees that it lies there no more
-        path.unlink(missing_ok=True)
+def _give_back(path: pathlib.Path, handle: int) -> None:
+    """Remove the file while it is locked: whoever has opened it sees that it lies there no more."""
+    with contextlib.suppress(OSError):
+        if _lies_at(path, handle) and os.fstat(handle).st_size == 0:
+            path.unlink()
     os.close(handle)
 
 
@@ -167,9 +166,4 @@ def _held(folder: pathlib.Path, why: str, tell: Callable[[str], None] | None) ->
             "process be killed, another host cannot know that it has ended"
         )
 
-    def release(remove: bool) -> None:
-        path.unlink(missing_ok=True)
-        if remove:
-            (folder / LOCK_FILE).unlink(missing_ok=True)
-
-    return release
+    return lambda: path.unlink(missing_ok=True)

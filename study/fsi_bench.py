@@ -15,7 +15,7 @@ import numpy as np
 from jaxfsi import Mesh
 from jaxfsi.core.ports import BlockPort
 from jaxfsi.core.state import State
-from jaxfsi.fields import read_series
+from jaxfsi.fields import read_series, write_whole
 from jaxfsi.simulation import Record
 from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import ML_PER_MIN, MMHG
@@ -25,12 +25,12 @@ from study.earlier_run import clear_run
 from study.openings import ANOMALOUS, INLET, distal_name, inlet_of
 from study.progress import Progress
 from study.provenance import made_now, now
+from study.result_files import FIELD_FOLDER, RUN_FOLDER, STAGE_FOLDER
 from study.simulation_case import Setup, plan_steps, prepare_simulation
 from study.simulation_results import cycle_means
-from study.simulation_run import FIELD_FOLDER, Outcome, run_simulation
+from study.simulation_run import Outcome, run_simulation
 from study.stages import Stages, stage_key
 
-RUN_FOLDER = "runs"
 INPUTS_FILE = "inputs.txt"
 _MOST_SAMPLES = 400
 
@@ -101,7 +101,7 @@ class Bench:
     @property
     def stages(self) -> Stages:
         """Where stages are kept."""
-        return Stages(self.folder / "stages")
+        return Stages(self.folder / STAGE_FOLDER)
 
     def keep(self, P_image: float, found: Any) -> np.ndarray:
         """A prestress that was found before, see `study.simulation_case.Keep`."""
@@ -120,7 +120,7 @@ class Bench:
         folder.mkdir(parents=True, exist_ok=True)
         if not mark.is_file() or mark.read_text(encoding="utf-8").split("\n")[0] != key:
             clear_run(folder)
-            mark.write_text(f"{key}\n{json.dumps(made_now())}\n", encoding="utf-8")
+            write_whole(mark, f"{key}\n{json.dumps(made_now())}\n".encode())
         return folder
 
     def run_begun(self, name: str) -> dict[str, Any] | None:

@@ -10,11 +10,8 @@ from jaxfsi.mesh_files import Unit, write_mesh, write_mesh_complete
 from study.case import Case
 from study.mesh_cache import StateMesh
 from study.mesh_case import mesh_part
-from study.results import FORMAT
-
-PICTURE_FOLDER = "pictures"
-FORMATS = ("vtu", "msh", "xdmf", "folder")
-"""Kinds of files in which a mesh can be written."""
+from study.result_files import MESH_PICTURES as PICTURE_FOLDER
+from study.stored_document import FORMAT
 
 FOLDER_SUFFIX = "-mesh-complete"
 

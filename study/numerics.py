@@ -87,17 +87,21 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 WITHOUT_NUMBERS: tuple[str, ...] = (
     "jaxfsi/verification/*", "lumped/lazy_package.py", "lumped/svzerod*", "lumped/verification.py",
-    "study/advice.py", "study/agreement.py", "study/algorithm_figures.py",
-    "study/algorithm_report.py", "study/arguments.py", "study/cache.py", "study/cli.py",
-    "study/cohort*", "study/demo.py", "study/diagnosis_figures.py", "study/diagnosis_report.py",
-    "study/diagnosis_results.py", "study/diagnosis_words.py", "study/document.py",
-    "study/drawing.py", "study/earlier_run.py", "study/faults.py", "study/figures.py",
-    "study/finished_study.py", "study/folder_lock.py", "study/kept_parts.py",
-    "study/lock_holder.py", "study/mesh_cache.py", "study/mesh_figures.py", "study/mesh_results.py",
-    "study/numerals.py", "study/numerics*", "study/output.py", "study/progress.py",
-    "study/provenance.py", "study/report.py", "study/sensitivity_figures.py",
-    "study/simulation_figures.py", "study/simulation_rendering.py", "study/stages.py",
-    "study/stored_page.py", "study/summary.py", "study/template.py", "study/virtual_cohort.py",
+    "study/advice.py", "study/agreement.py", "study/algorithm_command.py",
+    "study/algorithm_figures.py", "study/algorithm_report.py", "study/arguments.py",
+    "study/cache.py", "study/cli.py", "study/cohort*", "study/command_output.py",
+    "study/commands.py", "study/demo.py", "study/diagnosis_figures.py",
+    "study/diagnosis_report.py", "study/diagnosis_results.py", "study/diagnosis_words.py",
+    "study/document.py", "study/document_rows.py", "study/drawing.py", "study/earlier_run.py",
+    "study/faults.py", "study/figures.py", "study/finished_study.py", "study/folder_lock.py",
+    "study/identity.py", "study/kept_parts.py", "study/lock_holder.py", "study/members.py",
+    "study/mesh_cache.py", "study/mesh_command.py", "study/mesh_figures.py",
+    "study/mesh_results.py", "study/numerals.py", "study/numerics*", "study/output.py",
+    "study/pipeline_commands.py", "study/progress.py", "study/provenance.py", "study/report.py",
+    "study/result_files.py", "study/sensitivity_figures.py", "study/show_command.py",
+    "study/simulate_command.py", "study/simulation_figures.py", "study/simulation_rendering.py",
+    "study/stages.py", "study/stored_document.py", "study/stored_page.py", "study/summary.py",
+    "study/template.py", "study/virtual_cohort.py",
 )  # fmt: skip
 """Modules that decide no number that is kept, whatever the patterns of a part say."""
 

@@ -1,13 +1,19 @@
 """Output files: a folder checked before any work, and files that appear whole or not at all."""
 
+import contextlib
 import os
 import pathlib
 import shutil
+import signal
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 
 TEMPORARY_SUFFIX = ".part"
 """Ending of a file that is still being written."""
+
+
+Before = Callable[[Collection[str]], None]
+"""Called when everything is written, before it takes its place, with the names that it takes."""
 
 
 class OutputRefused(ValueError):
@@ -32,7 +38,23 @@ def check_folder(folder: pathlib.Path) -> pathlib.Path:
     return folder
 
 
-def write_files(folder: pathlib.Path, files: Mapping[str, str]) -> list[pathlib.Path]:
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Let a signal that would end the process wait for the end of the block."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    signals = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def write_files(
+    folder: pathlib.Path, files: Mapping[str, str], *, before: Before | None = None
+) -> list[pathlib.Path]:
     """Write texts into a folder, all of them or none.
 
     Every file is first written in full under a temporary name in the same folder, then all are
@@ -43,6 +65,7 @@ def write_files(folder: pathlib.Path, files: Mapping[str, str]) -> list[pathlib.
     Args:
         folder: where to write; made if needed.
         files: text of each file by name.
+        before: makes way for them, see `study.earlier_run`.
 
     Returns:
         The paths written.
@@ -53,8 +76,11 @@ def write_files(folder: pathlib.Path, files: Mapping[str, str]) -> list[pathlib.
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
             staged[_stage(folder, name, text)] = folder / name
-        for part, path in staged.items():
-            os.replace(part, path)
+        with uninterrupted():
+            if before is not None:
+                before(list(files))
+            for part, path in staged.items():
+                os.replace(part, path)
     except BaseException:
         for part in staged:
             part.unlink(missing_ok=True)
@@ -66,7 +92,11 @@ def write_files(folder: pathlib.Path, files: Mapping[str, str]) -> list[pathlib.
 
 
 def write_tree(
-    folder: pathlib.Path, fill: Callable[[pathlib.Path], None], files: Mapping[str, str]
+    folder: pathlib.Path,
+    fill: Callable[[pathlib.Path], None],
+    files: Mapping[str, str],
+    *,
+    before: Before | None = None,
 ) -> list[pathlib.Path]:
     """Write files and folders, all of them or none.
 
@@ -79,6 +109,7 @@ def write_tree(
         fill: writes files and folders into the folder that it is given.
         files: texts by name, written after `fill`; the last one is moved last, so that it marks a
             complete set.
+        before: makes way for them, see `study.earlier_run`.
 
     Returns:
         The paths written, the last of `files` last.
@@ -94,7 +125,10 @@ def write_tree(
         order = list(files)
         made = sorted(stage.iterdir(), key=lambda path: (path.name in order, path.name))
         made.sort(key=lambda path: order.index(path.name) if path.name in order else -1)
-        return [_moved(path, folder / path.name, stage) for path in made]
+        with uninterrupted():
+            if before is not None:
+                before([path.name for path in made])
+            return [_moved(path, folder / path.name, stage) for path in made]
     finally:
         if stage is not None:
             shutil.rmtree(stage, ignore_errors=True)

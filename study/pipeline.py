@@ -10,6 +10,7 @@ from calibration import REST_RULE, RatioResponse, through_calibration
 from diagnosis import RatioGap, ratio_gap
 from lumped import ML_PER_MIN, MMHG
 from study.case import Case, require
+from study.document_rows import CALIBRATED, FIXED
 from study.patient import Model, Patient, load_patient
 from study.progress import Progress
 from study.tuning import (
@@ -22,9 +23,6 @@ from study.tuning import (
     respond,
     tune,
 )
-
-FIXED, CALIBRATED = "fixed", "calibrated"
-"""Boundary conditions of the paper: nominal outlet for everybody, or tuned to the patient."""
 
 
 @dataclasses.dataclass(frozen=True)

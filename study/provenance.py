@@ -51,6 +51,11 @@ def origin(
     }
 
 
+def inputs_of(case: Case) -> list[dict[str, Any]]:
+    """Name, hash and size of the case file and of every file that it names."""
+    return [_input(path, case.path.parent) for path in input_files(case)]
+
+
 def input_files(case: Case) -> list[pathlib.Path]:
     """The case file and every file that it names, each once."""
     files = [case.path]

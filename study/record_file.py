@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis import Record, RecordedCondition
+import diagnosis
 from lumped.units import ML_PER_MIN
 from study.document import read_document
 from study.faults import CaseError
@@ -26,7 +26,9 @@ def record_path(path: pathlib.Path) -> pathlib.Path:
     return path / RECORD_FILE if path.is_dir() else path
 
 
-def read_record(path: pathlib.Path, *, needs_data: bool = True) -> tuple[Record, tuple[str, ...]]:
+def read_record(
+    path: pathlib.Path, *, needs_data: bool = True
+) -> tuple["diagnosis.Record", tuple[str, ...]]:
     """Read a record and its waveforms.
 
     Args:
@@ -44,18 +46,15 @@ def read_record(path: pathlib.Path, *, needs_data: bool = True) -> tuple[Record,
     context = Context(file, [], {key: {} for key in FREE_TEXT}, homes())
     values = read_record_tables(document, context)
     found = [_condition(entry, context) for entry in values["condition"]]
-    conditions = [condition for condition in found if condition is not None]
-    if (
-        needs_data
-        and not context.faults
-        and not any(_has_data(c) for c in conditions if not c.held_out)
-    ):
+    if context.faults:  # before `diagnosis` is used, which takes seconds to import
+        raise CaseError(context.faults)
+    conditions = [diagnosis.RecordedCondition(**parts) for parts in found if parts is not None]
+    if needs_data and not any(_has_data(c) for c in conditions if not c.held_out):
         cure = "give ffr, mean pressures or a file with waveforms for at least one condition"
         context.add("condition", None, "no condition holds anything to compare with", cure)
-    if context.faults:
         raise CaseError(context.faults)
     noise = values["noise"]
-    record = Record(
+    record = diagnosis.Record(
         id=values["id"],
         conditions=tuple(conditions),
         **noise,
@@ -74,7 +73,8 @@ def _spelling(document: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _condition(entry: Mapping[str, Any], context: Context) -> RecordedCondition | None:
+def _condition(entry: Mapping[str, Any], context: Context) -> dict[str, Any] | None:
+    """Parts of a condition; None where one that it needs is missing."""
     values = {name: value for name, value in entry.items() if name not in ("file", "heading")}
     beats = {}
     key = f"{entry['heading']}.file"
@@ -85,7 +85,7 @@ def _condition(entry: Mapping[str, Any], context: Context) -> RecordedCondition 
     needed = ("name", "drug", "period", "P_systolic", "P_diastolic")
     if any(values[name] is None for name in needed):
         return None
-    return RecordedCondition(**values, beats=beats)
+    return {**values, "beats": beats}
 
 
 def _check_means(
@@ -113,11 +113,11 @@ def _check_means(
             context.add(f"{heading}.{key}", value / unit, "far from the mean of the trace", cure)
 
 
-def _has_data(c: RecordedCondition) -> bool:
+def _has_data(c: "diagnosis.RecordedCondition") -> bool:
     return bool(c.beats) or c.ffr is not None or c.mean_P_distal is not None
 
 
-def _remarks(record: Record) -> tuple[str, ...]:
+def _remarks(record: "diagnosis.Record") -> tuple[str, ...]:
     used = [c for c in record.conditions if not c.held_out and _has_data(c)]
     remarks = []
     if not any(c.drug == "none" for c in used):
@@ -138,7 +138,7 @@ def _remarks(record: Record) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def record_files(record: Record) -> dict[str, str]:
+def record_files(record: "diagnosis.Record") -> dict[str, str]:
     """The files of a record as text by name, `record.toml` last; what `read_record` reads."""
     files: dict[str, str] = {}
     lines = ["[patient]", f'id = "{record.id}"']
@@ -174,7 +174,7 @@ def record_files(record: Record) -> dict[str, str]:
     return {**files, RECORD_FILE: "\n".join(lines) + "\n"}
 
 
-def _csv(c: RecordedCondition) -> str:
+def _csv(c: "diagnosis.RecordedCondition") -> str:
     names = {"P_aorta": "P_aorta_mmHg", "P_distal": "P_distal_mmHg", "Q": "Q_coronary_ml_per_min"}
     columns = {names[n]: b * (1.0 / ML_PER_MIN if n == "Q" else 1.0) for n, b in c.beats.items()}
     count, n = next(iter(columns.values())).shape
@@ -184,7 +184,7 @@ def _csv(c: RecordedCondition) -> str:
     return "\n".join([head, *(",".join(f"{v:.10g}" for v in row) for row in rows)]) + "\n"
 
 
-def without(record: Record, name: str) -> Record:
+def without(record: "diagnosis.Record", name: str) -> "diagnosis.Record":
     """The record without one condition."""
     kept = tuple(c for c in record.conditions if c.name != name)
     return dataclasses.replace(record, conditions=kept)

@@ -7,11 +7,10 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from study.document_rows import gap_rows, laws, ratio_rows
 from study.figures import NAMES, figures
 from study.mesh_figures import mesh_figures
 from study.numerals import signed, significant, span, with_sd
-from study.pipeline import CALIBRATED, FIXED
-from study.results import ratio_name
 from study.simulation_figures import simulation_figures
 from study.simulation_pictures import PICTURES
 
@@ -87,46 +86,6 @@ def mesh_rows(part: Document, pictures: Pictures) -> Iterator[dict[str, Any]]:
             "picture": pictures.get(state, {}),
             "seconds": sum(entry["wall_time_s"].values()),
         }
-
-
-def laws(document: Document) -> list[str]:
-    """Laws with a calibration, the case's own first."""
-    return [law for law, fit in document["calibrations"].items() if "alpha" in fit]
-
-
-def ratio_rows(document: Document) -> Iterator[dict[str, Any]]:
-    """One row a condition and rule: its runs by law and boundary."""
-    settings = dict.fromkeys((run["condition"], run["rule"]) for run in document["runs"])
-    for name, rule in sorted(settings, key=lambda s: list(document["conditions"]).index(s[0])):
-        cells = {
-            (run["law"], run["boundary"]): {**run, "ratio": run[ratio_name(name)],
-                                            "sd": run[f"{ratio_name(name)}_sd"]}
-            for run in document["runs"]
-            if (run["condition"], run["rule"]) == (name, rule)
-        }  # fmt: skip
-        entry = document["conditions"][name]
-        yield {
-            "condition": name,
-            "rule": rule,
-            "first": rule is None or rule == document["rule"],
-            "measured": entry.get("measured_rest_ratio", entry.get("measured_ffr")),
-            "cells": [
-                (boundary, cells[law, boundary])
-                for law in laws(document)
-                for boundary in (FIXED, CALIBRATED)
-            ],
-        }
-
-
-def gap_rows(document: Document) -> Iterator[dict[str, Any]]:
-    """Predicted less measured ratio, where stress was measured, and at rest with the fixed outlet.
-
-    With the calibrated outlet the resting gap is zero by construction and says nothing.
-    """
-    for run in document["runs"]:
-        if run["gap"] is None or (run["condition"] == "rest" and run["boundary"] == CALIBRATED):
-            continue
-        yield {**run, "ratio": run[ratio_name(run["condition"])]}
 
 
 def windkessel_rows(document: Document) -> Iterator[dict[str, Any]]:

@@ -4,41 +4,20 @@ Keys are named as in the code; a unit stands in the key where it is not CGS. The
 summary and `jaxfsi show` are made from the document alone.
 """
 
-import json
 import math
-import pathlib
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from lumped import ML_PER_MIN, MM, MMHG, MMHG_S_PER_ML, RCR
-from study.faults import CaseError, Fault
+from study.document_rows import CALIBRATED, ratio_name
 from study.findings import fixed_error, identifiability, notes, verdict
 from study.patient import Patient, Vessel
-from study.pipeline import CALIBRATED, CaseResult, Run
+from study.pipeline import CaseResult, Run
 from study.readings import READINGS
+from study.stored_document import FORMAT
 from study.tuning import Calibration, Tuning
-
-FORMAT = "jaxfsi 1"
-"""Name and version of the layout; the version grows when a key changes its meaning."""
-
-RESULT_FILE, REPORT_FILE = "result.json", "report.html"
-MESH_FILE, PAGE_FILE = "mesh.json", "mesh.html"
-SIMULATION_FILE, SIMULATION_PAGE = "simulation.json", "simulation.html"
-STUDY_FILE, STUDY_PAGE = "study.json", "study.html"
-COHORT_FILE, COHORT_PAGE = "cohort.json", "cohort.html"
-
-_FILES = (
-    COHORT_FILE,
-    STUDY_FILE,
-    RESULT_FILE,
-    SIMULATION_FILE,
-    "diagnosis.json",
-    "plan.json",
-    MESH_FILE,
-)
-"""Documents of a folder; where it holds more than one, the first is shown."""
 
 Document = dict[str, Any]
 
@@ -75,65 +54,6 @@ def calibration_document(patient: Patient, tuning: Tuning, provenance: Document)
         "alpha": tuning.calibrations[patient.case.surrogate.law].alpha,
         "provenance": provenance,
     }
-
-
-def to_json(document: Mapping[str, Any]) -> str:
-    """A document as JSON text; it refuses numbers that JSON does not have (NaN, infinity)."""
-    return json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def without_waveforms(document: Document) -> Document:
-    """The document without its long arrays: waveforms, histories, outlines of meshed lumens."""
-    short = {n: part for n, part in document.items() if n not in ("waveforms", "history")}
-    if document["kind"] == "study":
-        runs = [{k: v for k, v in run.items() if k != "history"} for run in short["runs"]]
-        return {**short, "runs": runs}
-    if document["kind"] == "mesh":
-        return {**short, "states": _without_outlines(short["states"])}
-    mesh = short.get("mesh")
-    if mesh and "states" in mesh:
-        short["mesh"] = {**mesh, "states": _without_outlines(mesh["states"])}
-    return short
-
-
-def _without_outlines(states: Mapping[str, Document]) -> dict[str, Document]:
-    return {
-        name: {
-            **entry,
-            "sections": [
-                {key: part for key, part in section.items() if key != "outlines"}
-                for section in entry["sections"]
-            ],
-        }
-        for name, entry in states.items()
-    }
-
-
-def load_document(path: pathlib.Path) -> Document:
-    """Read a document that was written before.
-
-    Args:
-        path: the file, or the folder that holds `result.json`, `mesh.json`, `study.json`, ....
-
-    Raises:
-        CaseError: the file cannot be read, or is no document of this layout.
-    """
-    held = [path / name for name in _FILES if (path / name).is_file()]
-    file = (held or [path / RESULT_FILE])[0] if path.is_dir() else path
-    cure = f"give a {RESULT_FILE} that jaxfsi wrote, or the folder that holds it"
-
-    def refusal(problem: str) -> CaseError:
-        return CaseError([Fault(file, "", None, problem, "", cure)])
-
-    try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise refusal(f"cannot be opened: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise refusal(f"no JSON: {str(error)[:120]}") from None
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise refusal(f'no result of this version (its "format" is not "{FORMAT}")')
-    return document
 
 
 def _head(kind: str, patient: Patient) -> Document:
@@ -262,11 +182,6 @@ def _numbers(run: Run) -> Document:
         if gap is None
         else {"difference": float(gap.difference), "z": float(gap.z), "p": float(gap.p_value)},
     }
-
-
-def ratio_name(condition: str) -> str:
-    """Name of the pressure ratio in a condition: `rest_ratio` or `ffr`."""
-    return "rest_ratio" if condition == "rest" else "ffr"
 
 
 def _sensitivity(run: Run) -> Document:

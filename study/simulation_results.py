@@ -15,14 +15,16 @@ from jaxfsi.fields import read_series
 from jaxfsi.simulation import Record, ShearMeans, SolverChoice
 from lumped import ML_PER_MIN, MMHG
 from study.case import Case
+from study.document_rows import ratio_name
 from study.mesh_results import picture_text
 from study.openings import INLET, SEGMENT_INLET, distal_name
-from study.results import FORMAT, ratio_name
+from study.result_files import FIELD_FOLDER
+from study.result_files import SIMULATION_PICTURES as PICTURE_FOLDER
 from study.simulation_case import Setup
-from study.simulation_run import FIELD_FOLDER, Outcome
+from study.simulation_run import Outcome
+from study.stored_document import FORMAT
 
 SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
-PICTURE_FOLDER = "simulation-pictures"
 _MOST_SAMPLES = 3000
 
 

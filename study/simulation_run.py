@@ -31,11 +31,9 @@ from lumped import ML_PER_MIN, MMHG
 from study.case import Case
 from study.faults import CaseError, Fault
 from study.progress import Progress
+from study.result_files import CHECKPOINT_FILE, FIELD_FOLDER, HISTORY_FILE, SHEAR_FILE
 from study.simulation_case import Schedule, Setup
 from study.stages import stage_key
-
-HISTORY_FILE, CHECKPOINT_FILE, SHEAR_FILE = "history.csv", "checkpoint.npz", "shear.vtu"
-FIELD_FOLDER = "fields"
 
 CHUNK = 10
 """Whole steps in one compiled call."""

@@ -5,17 +5,17 @@ import pathlib
 from study.algorithm_report import stored_study_report
 from study.cohort_command import cohort_report
 from study.diagnosis_report import diagnosis_report
-from study.diagnosis_results import DIAGNOSIS_PAGE
 from study.mesh_results import stored_pictures
 from study.report import html_report, simulation_report
-from study.results import (
+from study.result_files import (
     COHORT_PAGE,
+    DIAGNOSIS_PAGE,
     PAGE_FILE,
     REPORT_FILE,
     SIMULATION_PAGE,
     STUDY_PAGE,
-    Document,
 )
+from study.results import Document
 from study.simulation_results import stored_simulation_pictures
 
 _NAMES = {

@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from study.report import gap_rows, laws, ratio_rows, signed
+from study.document_rows import gap_rows, laws, ratio_rows
+from study.numerals import signed
 
 Document = Mapping[str, Any]
 

@@ -14,12 +14,12 @@ from matplotlib.figure import Figure
 from calibration import Sweep, sweep_alpha
 from lumped import ML_PER_MIN, MMHG, Condition
 from study.case import Case, require
+from study.document_rows import ratio_name
 from study.drawing import COLOURS, INK, STYLE, svg
 from study.faults import CaseError, Fault
 from study.patient import Patient, load_patient
-from study.results import FORMAT, Document, ratio_name
-
-SWEEP_FILE, TABLE_FILE, FIGURE_FILE = "sweep.json", "sweep.csv", "sweep.svg"
+from study.results import Document
+from study.stored_document import FORMAT
 
 LARGEST_ERROR = 1e-2
 """A nonlinear periodic state with a larger estimated error was not found [-]."""

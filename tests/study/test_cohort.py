@@ -5,8 +5,9 @@ import re
 
 import pytest
 
-from study.cohort import find_members, run_cohort
+from study.cohort import run_cohort
 from study.demo import demo_cohort_path
+from study.members import find_members
 from study.virtual_cohort import case_text, patients
 
 CASE = """\

@@ -12,7 +12,7 @@ from study.fsi_bench import Bench, RunChoice, RunName, fsi_run, run_key
 from study.kept_parts import computed_parts, older_parts
 from study.mesh_cache import entry_key, mesh_key
 from study.progress import Progress
-from study.simulation_run import CHECKPOINT_FILE
+from study.result_files import CHECKPOINT_FILE
 
 NAME = RunName("curve", "rest", None, 0.5)
 

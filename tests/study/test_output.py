@@ -12,7 +12,7 @@ from study import Progress, demo_case_path, read_case
 from study.cache import VARIABLE, cache_folder
 from study.output import OutputRefused, check_folder, write_files
 from study.provenance import input_files, provenance
-from study.results import to_json
+from study.stored_document import to_json
 
 
 def content(folder: pathlib.Path) -> dict[str, str]:

@@ -9,7 +9,7 @@ from diagnosis import diagnose, measured, noise_of, stacked
 from study.diagnosis_run import with_case
 from study.faults import CaseError
 from study.record_file import read_record, record_files
-from study.results import FORMAT
+from study.stored_document import FORMAT
 from tests.diagnosis.records import synthetic
 from tests.study.damage import damaged
 

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from study.report import html_report
-from study.results import load_document
+from study.stored_document import load_document
 from study.summary import summary
 
 

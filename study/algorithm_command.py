@@ -1,0 +1,31 @@
+"""The command `study`."""
+
+import argparse
+import pathlib
+
+from study.algorithm import check_study, run_study
+from study.algorithm_report import write_study
+from study.case import Case
+from study.command_output import Answer, note
+from study.earlier_run import make_way
+from study.folder_lock import at_work
+from study.progress import Progress
+from study.provenance import provenance
+from study.study_command import study_case, study_choice
+
+
+def algorithm_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+    """Run the algorithm in 3D, or what is left of it.
+
+    A study of other input or options makes way before the first run: runs are kept under their
+    names, and one that is computed anew would take the place of that which a page shows.
+    """
+    case = study_case(case, options)
+    choice = study_choice(case, options)
+    check_study(case, choice)
+    with at_work(folder, note), Progress() as progress:
+        origin = provenance(case, options.command_line)
+        make_way(folder, {"kind": "study", "provenance": origin}, note)
+        result = run_study(case, folder, choice, progress=progress)
+        document, written = write_study(result, origin, progress)
+    return Answer(document, written)

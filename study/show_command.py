@@ -1,0 +1,26 @@
+"""The command `show` with `--out`: a page drawn again."""
+
+import argparse
+
+from study.command_output import Answer, note
+from study.earlier_run import make_way_for_page
+from study.folder_lock import at_work
+from study.output import check_folder, write_files
+from study.stored_document import Document, damaged
+from study.stored_page import page_name, stored_page
+
+
+def show_command(options: argparse.Namespace, document: Document) -> Answer:
+    """Write the page of a stored result again."""
+    try:
+        page = stored_page(options.result, document)
+    except (KeyError, TypeError, IndexError, ValueError) as error:
+        raise damaged(options.result, error) from error
+    folder = check_folder(options.out)
+    with at_work(folder, note):
+        written = write_files(
+            folder,
+            {page_name(document): page},
+            before=lambda _: make_way_for_page(folder, document, page, note),
+        )
+    return Answer(document, written)

@@ -1,0 +1,117 @@
+"""How a command starts and is ended: what it imports, and what signals do to it."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("jax", "matplotlib", "scipy", "trimesh", "pyvista", "jinja2")
+
+
+def _python(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", program, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+_IMPORTED = f"""
+import sys
+from study.cli import main
+status = main(sys.argv[1:])
+print(status, [name for name in {HEAVY} if name in sys.modules], file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        (("template",), 0),
+        (("--help",), 0),
+        (("run", "bad.toml"), 2),
+        (("simulate", "bad.toml"), 2),
+        (("study", "missing.toml"), 2),
+        (("cohort", "."), 2),
+        (("diagnose", "bad.toml"), 2),
+        (("show", "plan.json"), 0),
+        (("show", "missing"), 2),
+    ],
+)
+def test_no_word_of_refusal_waits_for_jax(arguments, status, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(path or os.getcwd() for path in sys.path))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.toml").write_text('[patient]\nid = "p"\n[condition.rest]\nffr = 7.0\n')
+    plan = '{"format": "jaxfsi 1", "kind": "plan", "patient": "p", "next": [], "conditions": []}'
+    (tmp_path / "plan.json").write_text(plan)
+    found = _python(_IMPORTED, *arguments)
+    assert found.stderr.splitlines()[-1].split(" ", 1)[1] == "[]", found.stderr
+    if arguments[0] != "show":
+        assert found.stderr.splitlines()[-1].startswith(str(status)), found.stderr
+
+
+_STRUCK = """
+import importlib, os, signal, sys, time
+import study.cli as cli
+
+number, times, early = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "early"
+
+class Commands:
+    def run(argv, signals):
+        if not early:
+            signals.working()
+        try:
+            for _ in range(times):
+                os.kill(os.getpid(), number)
+            time.sleep(20.0)
+        except KeyboardInterrupt:
+            os.kill(os.getpid(), number)  # a second one while the first is told
+            signals.deaf()
+            os.kill(os.getpid(), number)
+            print("ended in order", file=sys.stderr)
+            return cli.INTERRUPTED
+
+sys.modules["study.commands"] = Commands
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these signals are those of POSIX")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(("when", "said"), [("early", "interrupted"), ("late", "ended in order")])
+def test_signals_once_or_more_end_with_130_and_one_sentence(number, when, said):
+    for times in (1, 3):
+        found = _python(_STRUCK, int(number), times, when)
+        assert found.returncode == 130
+        assert found.stderr.startswith(said)
+        assert found.stderr.count("\n") == 1
+
+
+_DROPPED = """
+import os, signal, sys, time, weakref
+import study.cli as cli
+
+class Thing:
+    pass
+
+class Commands:
+    def run(argv, signals):
+        signals.working()
+        thing = Thing()
+        weakref.finalize(thing, lambda: None)
+        ref = weakref.ref(thing, lambda _: os.kill(os.getpid(), signal.SIGINT))
+        try:
+            del thing  # the interrupt is raised in a callback, where Python drops it
+            time.sleep(20.0)
+        except KeyboardInterrupt:
+            return cli.INTERRUPTED
+        return 0
+
+sys.modules["study.commands"] = Commands
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="these signals are those of POSIX")
+def test_interrupt_that_python_drops_in_a_callback_is_raised_again():
+    found = _python(_DROPPED)
+    assert (found.returncode, found.stderr) == (130, "")

@@ -87,14 +87,7 @@ def run_isolated(call: NativeCall) -> Arrays:
         (folder / "options.json").write_text(json.dumps(call.options))
         command = [sys.executable, "-P", str(NATIVE_FOLDER / "child.py"), str(call.module)]
         try:
-            done = subprocess.run(
-                [*command, str(folder)],
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=call.timeout,
-                check=False,
-            )
+            done = _run([*command, str(folder)], call.timeout)
         except subprocess.TimeoutExpired as error:
             raise MeshingError(
                 f"{name} was ended after {call.timeout:g} s. Use a coarser preset, or allow more"
@@ -112,7 +105,33 @@ def run_isolated(call: NativeCall) -> Arrays:
 def run_all_isolated(calls: Sequence[NativeCall]) -> list[Arrays]:
     """Run several native meshers side by side; the results keep the order of the calls."""
     with concurrent.futures.ThreadPoolExecutor(max_workers=max(len(calls), 1)) as pool:
-        return list(pool.map(run_isolated, calls))
+        try:
+            return list(pool.map(run_isolated, calls))
+        except KeyboardInterrupt:  # else the threads would wait for the children to end
+            for process in list(_RUNNING):
+                process.kill()
+            raise
+
+
+_RUNNING: set[subprocess.Popen[str]] = set()
+"""Children at work."""
+
+
+def _run(command: list[str], timeout: float) -> subprocess.CompletedProcess[str]:
+    """Run a child to its end; it ends with an error here."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        command, stdout=pipe, stderr=pipe, text=True, errors="replace"
+    ) as process:
+        _RUNNING.add(process)
+        try:
+            out, err = process.communicate(timeout=timeout)
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            _RUNNING.discard(process)
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
 
 
 def _told(name: str, fault: dict[str, str]) -> MeshingError:

@@ -190,6 +190,14 @@ def _mesh(
     elif "path" not in table and not folders:
         cure = "add path = ..., or fluid = ... and solid = ... below [anatomy]"
         context.add("anatomy.path", None, "required, but missing", cure, "a mesh file or folder")
+    for name in ("path", "fluid", "solid"):
+        place = values.get(name)
+        if isinstance(place, pathlib.Path) and place.is_dir() and not _holds_a_mesh(place):
+            problem = "this folder holds no mesh"
+            cure = (
+                "name a mesh file, or a folder with fluid and solid in it, or a mesh-complete one"
+            )
+            context.add(f"anatomy.{name}", table[name], problem, cure)
     labels = {}
     for name, value in _entries(below, "labels", context):
         place = f"anatomy.labels.{shown_key(name)}"
@@ -200,6 +208,12 @@ def _mesh(
     if values["unit"] is None:
         return None
     return MeshAnatomy(**values, labels=labels)  # pyright: ignore[reportArgumentType]
+
+
+def _holds_a_mesh(folder: pathlib.Path) -> bool:
+    """Whether a folder is a mesh-complete one, or one of them lies in it under its name."""
+    file = "mesh-complete.mesh.vtu"
+    return any((folder / part / file).is_file() for part in ("", "fluid", "solid"))
 
 
 _READERS = {"ivus": _ivus, "synthetic": _synthetic, "surface": _surface, "mesh": _mesh}

@@ -31,7 +31,14 @@ from jaxfsi.anatomy.surface_edits import (
     taubin_smoothed,
     with_flat_loops,
 )
-from jaxfsi.anatomy.triangles import Triangles, cleaned, edges_of, enclosed_volume, read_triangles
+from jaxfsi.anatomy.triangles import (
+    Triangles,
+    check_span,
+    cleaned,
+    edges_of,
+    enclosed_volume,
+    read_triangles,
+)
 from jaxfsi.anatomy.wall import thickness_from_radius
 from jaxfsi.anatomy.walled_surface import (
     WalledSurface,
@@ -48,6 +55,7 @@ Unit = Literal["mm", "cm", "m"]
 _CM: dict[str, float] = {"mm": 0.1, "cm": 1.0, "m": 100.0}
 _OVERRUN = 0.5  # of vessels beyond their ends [cm]
 _LONG = 2.0  # of the continuations for radii, over the radius
+_LARGEST = 300.0  # from the middle of the surface to its farthest corner [cm]
 _LONGEST = 3.0  # edge over the median one
 _MARGIN = 0.3
 _BALL = 1.15  # radius of an opening over that of the vessel with its wall
@@ -124,7 +132,9 @@ def surface_anatomy(
     if len(given.faces) == 0:
         raise ValueError("the surface holds no triangles. Export it again.")
     scale = _CM[unit]
-    body, ends = _opened(Triangles(scale * given.points, given.faces))
+    scaled = Triangles(scale * given.points, given.faces)
+    check_span(scaled, _LARGEST)
+    body, ends = _opened(scaled)
     _check_ends(ends, cuts or {}, options, unit)
     smooth, longest = _smooth(body, ends, options.smoothing_steps)
     ends = ends_of(smooth)

@@ -82,6 +82,26 @@ def read_triangles(path: str | os.PathLike[str]) -> Triangles:
     return surface
 
 
+def check_span(surface: Triangles, largest: float) -> None:
+    """Refuse a surface in which a corner lies farther away than anything in a body.
+
+    Args:
+        surface: the surface.
+        largest: greatest distance from the middle of its corners along an axis.
+
+    Raises:
+        ValueError: names the corner that lies farthest.
+    """
+    distance = np.max(np.abs(surface.points - np.median(surface.points, axis=0)), axis=1)
+    far = int(np.argmax(distance))
+    if distance[far] > largest:
+        raise ValueError(
+            f"{np.sum(distance > largest)} of {len(distance)} corners of the surface lie outside"
+            f" any body, the farthest at {_place(surface.points[far : far + 1])} cm. Correct the"
+            " coordinate, or the unit, and export the surface again."
+        )
+
+
 def _loaded(path: pathlib.Path, suffix: str) -> Triangles:
     hint = "The file may be truncated; export the surface again."
     if suffix == ".stl":
@@ -181,13 +201,26 @@ def cleaned(surface: Triangles) -> Triangles:
 
 
 def _merged(surface: Triangles) -> Triangles:
+    """Corners within a millionth of the diagonal become one point; O(n log n).
+
+    Points in one cell of a grid are one at once, so that only a few are left near each other,
+    however many coincide.
+    """
+    low = surface.points.min(axis=0)
     diagonal = float(np.linalg.norm(np.ptp(surface.points, axis=0)))
-    pairs = scipy.spatial.KDTree(surface.points).query_pairs(
-        _MERGE * diagonal, output_type="ndarray"
-    )
-    n = len(surface.points)
+    if not 0.0 < diagonal < np.inf:
+        raise ValueError(
+            f"the surface shrinks to a point, or is none: it spans {diagonal:.3g}. Export it"
+            " again with more digits."
+        )
+    reach = _MERGE * diagonal
+    cells = np.floor((surface.points - low) / (reach / np.sqrt(3.0))).astype(np.int64)
+    _, kept, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
+    pairs = scipy.spatial.KDTree(surface.points[kept]).query_pairs(reach, output_type="ndarray")
+    n = len(kept)
     graph = scipy.sparse.coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    _, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    _, cluster = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    label = cluster[cell.reshape(-1)]
     _, first = np.unique(label, return_index=True)
     faces = label[surface.faces].astype(np.int64)
     whole = np.all(faces != np.roll(faces, 1, axis=1), axis=1)

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import meshio
 import numpy as np
 from jaxtyping import Float, Int
+from numpy.typing import ArrayLike
 
 from jaxfsi.faces import face_table, find_rows
 from jaxfsi.mesh import INTERFACE, Mesh, Region
@@ -22,6 +23,7 @@ from jaxfsi.mesh_files.arrays import NODE_ID, cell_values, cells_of, points_in, 
 from jaxfsi.mesh_files.lengths import Unit, check_extent
 from jaxfsi.mesh_files.refusal import MeshFileError, reading
 from jaxfsi.mesh_files.side_entry import SideEntry, entry_text, parsed_entry
+from jaxfsi.mesh_files.vtk_xml import check_vtk_xml
 from jaxfsi.mesh_files.vtp import read_vtp, write_vtp
 from jaxfsi.mesh_parts import submesh
 
@@ -87,6 +89,7 @@ def read_folder(path: pathlib.Path, unit: Unit, *, any_size: bool) -> CompleteFo
         raise MeshFileError(f"there is no folder {path}. Check the name.")
     volume = path / _TETS
     with reading(volume, "a vtu mesh"):
+        check_vtk_xml(volume, "UnstructuredGrid")
         file = meshio.vtu.read(str(volume))
     tets, _ = cells_of(file, volume)
     points = np.asarray(file.points, dtype=float)
@@ -208,7 +211,7 @@ def write_folder(
     try:
         new = staging / path.name
         (new / _SURFACES).mkdir(parents=True)
-        point_data = {
+        point_data: dict[str, ArrayLike] = {
             NODE_ID: id_array(np.arange(1, len(part.nodes) + 1), NODE_ID),
             WHOLE_INDEX: part.nodes,
         }

@@ -7,6 +7,7 @@ Unit and meta stand in a comment at the head of the file, which gmsh passes over
 import dataclasses
 import json
 import pathlib
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -35,6 +36,7 @@ from jaxfsi.meshing.labels import complete_labels
 _FIRST_LABEL = 10
 _COMMENT = b"$Comments\njaxfsi "
 _REGION_NAMES = {"fluid": Region.FLUID, "solid": Region.SOLID}
+_LONG_NUMBER = re.compile(rb"^\s*(\d{9,})(?![\d.eE])", re.MULTILINE)  # of a node or an element
 _SECTIONS = (b"MeshFormat", b"Nodes", b"Elements")
 
 
@@ -118,6 +120,7 @@ def read_msh(
     with reading(path, "a gmsh mesh"):
         raw = path.read_bytes()
         _check_sections(raw, path)
+        _check_numbers(raw, path)
         entry = _entry_of(raw)
         file = meshio.gmsh.read(str(path))
     if entry is not None:
@@ -152,6 +155,23 @@ def _check_sections(raw: bytes, path: pathlib.Path) -> None:
                 f"{path} is truncated or no gmsh mesh: its section ${name.decode()} is missing or"
                 " does not end. Write it again."
             )
+
+
+def _check_numbers(raw: bytes, path: pathlib.Path) -> None:
+    """Refuse counts beyond the file's size, and node numbers for which no table can be made."""
+    for name in _SECTIONS[1:]:
+        start = raw.index(b"$" + name) + len(name) + 1
+        section = raw[start : raw.find(b"$End" + name)].lstrip()
+        counts = section.split(b"\n", 1)[0].split()
+        if all(count.isdigit() for count in counts):
+            wrong = [int(count) for count in counts[:2] if int(count[:20]) > len(raw)]
+            long = _LONG_NUMBER.search(section)
+            if wrong or long:
+                number = wrong[0] if wrong else long[1].decode()[:20] if long else ""
+                raise MeshFileError(
+                    f"{path} has the number {number} in its section ${name.decode()}, of more"
+                    " nodes or elements than it can hold. Number them anew from one."
+                )
 
 
 def _entry_of(raw: bytes) -> SideEntry | None:

@@ -8,6 +8,7 @@ import struct
 import tempfile
 import warnings
 import xml.etree.ElementTree as ET
+import xml.parsers.expat
 import zlib
 from collections.abc import Iterator
 
@@ -18,6 +19,8 @@ class MeshFileError(ValueError):
     """A mesh file that cannot be read or written; says what happened and what to try."""
 
 
+_LARGEST_FILE = 1 << 28  # bytes: a binary mesh of five million tetrahedra
+
 # What parsers raise on truncated or foreign bytes.
 _PARSER_ERRORS = (
     ArithmeticError,
@@ -26,12 +29,14 @@ _PARSER_ERRORS = (
     DeprecationWarning,
     EOFError,
     LookupError,
+    MemoryError,
     OSError,
     ET.ParseError,
     TypeError,
     ValueError,
     meshio.ReadError,
     struct.error,
+    xml.parsers.expat.ExpatError,
     zlib.error,
 )
 
@@ -49,8 +54,14 @@ def reading(path: pathlib.Path, kind: str) -> Iterator[None]:
     """
     if not path.is_file():
         raise MeshFileError(f"there is no file {path}. Check the name and the folder.")
-    if path.stat().st_size == 0:
+    size = path.stat().st_size
+    if size == 0:
         raise MeshFileError(f"{path} is empty. Write the {kind} again.")
+    if size > _LARGEST_FILE:
+        raise MeshFileError(
+            f"{path} has {size} bytes; files up to {_LARGEST_FILE} are read. Write a coarser mesh,"
+            " or a compressed file."
+        )
     try:
         with warnings.catch_warnings():
             # numpy reports numbers that it cannot parse as a deprecation.

@@ -11,6 +11,7 @@ import lzma
 import pathlib
 import re
 import xml.etree.ElementTree as ET
+import xml.parsers.expat
 import zlib
 from collections.abc import Callable
 from typing import NamedTuple
@@ -20,6 +21,7 @@ import numpy as np
 from jaxfsi.mesh_files.refusal import MeshFileError
 
 _BLOCK_SIZE = 1 << 20
+_DEEPEST = 50  # elements within each other
 _TYPES = {
     "Int8": "i1",
     "UInt8": "u1",
@@ -33,9 +35,27 @@ _TYPES = {
     "Float64": "f8",
 }
 _NAMES = {np.dtype(code): name for name, code in _TYPES.items()}
-_DECOMPRESS: dict[str, Callable[[bytes], bytes]] = {
-    "vtkZLibDataCompressor": zlib.decompress,
-    "vtkLZMADataCompressor": lzma.decompress,
+LARGEST_ARRAY = 1 << 28
+"""Bytes that the arrays of a file may hold together: a mesh of four million tetrahedra."""
+
+_LONGEST_NUMBER = 60  # digits of a number in text
+
+Decompress = Callable[[bytes, int], bytes]
+
+
+def _unzipped(block: bytes, size: int) -> bytes:
+    """Content of a zlib block, of which no more is made than its size."""
+    return zlib.decompressobj().decompress(block, size + 1)
+
+
+def _unpacked(block: bytes, size: int) -> bytes:
+    """The same of an lzma block."""
+    return lzma.LZMADecompressor().decompress(block, size + 1)
+
+
+_DECOMPRESS: dict[str, Decompress] = {
+    "vtkZLibDataCompressor": _unzipped,
+    "vtkLZMADataCompressor": _unpacked,
 }
 
 
@@ -46,7 +66,7 @@ class VtkXml(NamedTuple):
         root: its elements, without the appended data.
         byte_order: ``<`` or ``>``.
         header: type of the numbers before each block.
-        decompress: undoes the compression of a block; None without compression.
+        decompress: undoes the compression of a block up to a size; None without compression.
         appended: the appended section after its underscore, still encoded.
         base64: whether the appended section is base64 text.
         offsets: where arrays start in the appended section, rising.
@@ -55,7 +75,7 @@ class VtkXml(NamedTuple):
     root: ET.Element
     byte_order: str
     header: np.dtype
-    decompress: Callable[[bytes], bytes] | None
+    decompress: Decompress | None
     appended: bytes
     base64: bool
     offsets: tuple[int, ...]
@@ -72,6 +92,7 @@ def open_vtk_xml(path: pathlib.Path, kind: str) -> VtkXml:
         MeshFileError: the file is of another kind, or compressed in a way not known here.
     """
     text, appended, is_base64 = _split_appended(path.read_bytes(), path)
+    check_xml(text, path)
     root = ET.fromstring(text)
     if root.tag != "VTKFile" or root.get("type") != kind:
         raise MeshFileError(
@@ -93,6 +114,63 @@ def open_vtk_xml(path: pathlib.Path, kind: str) -> VtkXml:
         base64=is_base64,
         offsets=tuple(sorted(offsets)),
     )
+
+
+def check_xml(text: bytes, path: pathlib.Path) -> None:
+    """Refuse XML that grows when it is read, or that is nested deeper than any mesh file.
+
+    Raises:
+        MeshFileError: it declares a document type, or is nested too deeply.
+        xml.parsers.expat.ExpatError: it is no XML.
+    """
+    parser = xml.parsers.expat.ParserCreate()
+    depth = 0
+
+    def opened(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise MeshFileError(
+                f"{path} nests its elements more than {_DEEPEST} deep. No mesh file does; write it"
+                " again."
+            )
+
+    def closed(*_: object) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def declared(*_: object) -> None:
+        raise MeshFileError(
+            f"{path} declares entities of its own, which no mesh file needs. Write it again"
+            " without them."
+        )
+
+    parser.StartElementHandler = opened
+    parser.EndElementHandler = closed
+    parser.EntityDeclHandler = declared
+    parser.Parse(text, True)
+
+
+def check_vtk_xml(path: pathlib.Path, kind: str) -> None:
+    """Take every array of a file apart once, within the bounds, before another reader does.
+
+    Raises:
+        MeshFileError: the file is of another kind, or an array is larger than allowed.
+        ValueError: an array is not what its header says.
+    """
+    file = open_vtk_xml(path, kind)
+    total = 0
+    for element in file.root.iter("DataArray"):
+        form, text = element.get("format", "ascii"), (element.text or "").encode()
+        if form == "ascii":
+            _numbers_in(text)
+        else:
+            total += len(_block(file, _stored(file, element, form, text)))
+        if total > LARGEST_ARRAY:
+            raise MeshFileError(
+                f"the arrays of {path} hold more than {LARGEST_ARRAY} bytes together. Write a"
+                " smaller mesh."
+            )
 
 
 def _split_appended(raw: bytes, path: pathlib.Path) -> tuple[bytes, bytes, bool]:
@@ -131,15 +209,21 @@ def _block(file: VtkXml, data: bytes) -> bytes:
         content = data[size : size + n_bytes]
     else:
         n_blocks, block_size, last_size = numbers(0, 3)
-        sizes = numbers(3, n_blocks)
-        start = size * (3 + n_blocks)
-        ends = [start + sum(sizes[: i + 1]) for i in range(n_blocks)]
-        content = b"".join(
-            file.decompress(data[end - length : end])
-            for end, length in zip(ends, sizes, strict=True)
-        )
         n_bytes = (
             block_size * n_blocks if not last_size else block_size * (n_blocks - 1) + last_size
+        )
+        if n_bytes > LARGEST_ARRAY or n_blocks > len(data):
+            raise MeshFileError(
+                f"a data array announces {n_bytes} bytes in {n_blocks} blocks, more than"
+                f" {LARGEST_ARRAY} bytes in {len(data)}. Write a smaller mesh."
+            )
+        lengths = np.array(numbers(3, n_blocks), dtype=np.int64)
+        ends = size * (3 + n_blocks) + np.cumsum(lengths)
+        starts = ends - lengths
+        decompress = file.decompress
+        content = b"".join(
+            decompress(data[start:end], block_size)
+            for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
         )
     if len(content) != n_bytes:
         raise ValueError(f"a data array has {len(content)} of {n_bytes} bytes")
@@ -156,12 +240,21 @@ def read_array(file: VtkXml, element: ET.Element) -> np.ndarray:
     form = element.get("format", "ascii")
     text = (element.text or "").encode()
     if form == "ascii":
-        values = np.array(text.split(), dtype=np.bytes_).astype(dtype)
+        values = np.array(_numbers_in(text), dtype=np.bytes_).astype(dtype)
     else:
         values = np.frombuffer(_block(file, _stored(file, element, form, text)), dtype)
     values = values.astype(dtype.newbyteorder("="))
     n_components = int(element.get("NumberOfComponents", 1))
     return values.reshape(-1, n_components) if n_components > 1 else values
+
+
+def _numbers_in(text: bytes) -> list[bytes]:
+    """Numbers in text; one that is longer than any number is refused."""
+    numbers = text.split()
+    longest = max(map(len, numbers), default=0)
+    if longest > _LONGEST_NUMBER:
+        raise ValueError(f"a number has {longest} digits; {_LONGEST_NUMBER} are read")
+    return numbers
 
 
 def _stored(file: VtkXml, element: ET.Element, form: str, text: bytes) -> bytes:

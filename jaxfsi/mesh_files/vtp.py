@@ -9,7 +9,13 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
-from jaxfsi.mesh_files.vtk_xml import VtkXml, array_element, open_vtk_xml, read_array
+from jaxfsi.mesh_files.vtk_xml import (
+    VtkXml,
+    array_element,
+    check_vtk_xml,
+    open_vtk_xml,
+    read_array,
+)
 
 _CELL_KINDS = (
     "Verts",
@@ -51,6 +57,7 @@ def read_vtp(path: str | pathlib.Path) -> TriangleFile:
     """
     path = pathlib.Path(path)
     with reading(path, "a vtp surface"):
+        check_vtk_xml(path, "PolyData")
         file = open_vtk_xml(path, "PolyData")
         pieces = [_piece(file, piece, path) for piece in file.root.iterfind("PolyData/Piece")]
         if not pieces:

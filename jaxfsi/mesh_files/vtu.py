@@ -11,6 +11,7 @@ from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import reading, staged
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
+from jaxfsi.mesh_files.vtk_xml import check_vtk_xml
 from jaxfsi.opening import Opening
 
 
@@ -44,6 +45,7 @@ def read_vtu(
     path = pathlib.Path(path)
     check_unit(unit)
     with reading(path, "a vtu mesh"):
+        check_vtk_xml(path, "UnstructuredGrid")
         file = meshio.vtu.read(str(path))
     entry = read_side_entry(path)
     mesh = arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)

@@ -1,7 +1,9 @@
 """Meshes in XDMF files with their arrays in HDF5, names beside them in JSON."""
 
 import importlib.util
+import math
 import pathlib
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 import meshio
@@ -12,6 +14,7 @@ from jaxfsi.mesh_files.arrays import arrays_to_mesh, mesh_to_arrays, points_in
 from jaxfsi.mesh_files.lengths import Unit, check_unit
 from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
+from jaxfsi.mesh_files.vtk_xml import LARGEST_ARRAY, check_xml
 from jaxfsi.opening import Opening
 
 
@@ -36,10 +39,54 @@ def read_xdmf(
     check_unit(unit)
     _need_h5py()
     with reading(path, "an xdmf mesh"):
+        _check_sources(path)
         file = meshio.xdmf.read(str(path))
     entry = read_side_entry(path)
     mesh = arrays_to_mesh(file, path, unit=unit, entry=entry, openings=openings, any_size=any_size)
     return accepted(mesh, labels, path, damaged=damaged)
+
+
+def _check_sources(path: pathlib.Path) -> None:
+    """Refuse arrays that are larger than allowed or lie elsewhere than beside the file.
+
+    Raises:
+        MeshFileError: says which array.
+    """
+    text = path.read_bytes()
+    check_xml(text, path)
+    total = 0
+    for item in ET.fromstring(text).iter("DataItem"):
+        form, source = item.get("Format", "XML"), (item.text or "").strip()
+        counts = [int(count) for count in item.get("Dimensions", "0").split()]
+        total += 8 * math.prod(counts)
+        if total > LARGEST_ARRAY:
+            raise MeshFileError(
+                f"{path} announces arrays of {total} bytes, the last of"
+                f" {' x '.join(map(str, counts))} numbers; {LARGEST_ARRAY} bytes are read. Write a"
+                " smaller mesh."
+            )
+        if form == "XML":
+            continue
+        name, _, place = source.partition(":")
+        if name != pathlib.PurePath(name).name or name in ("", ".", ".."):
+            raise MeshFileError(
+                f"{path} takes an array from {name!r}, outside its own folder. Copy that file"
+                " beside it and name it alone."
+            )
+        if form == "HDF":
+            _check_dataset(path.parent / name, place, math.prod(counts), path)
+
+
+def _check_dataset(store: pathlib.Path, place: str, size: int, path: pathlib.Path) -> None:
+    import h5py
+
+    with h5py.File(store, "r") as file:
+        held = file[place]
+        if not isinstance(held, h5py.Dataset) or held.size != size:
+            raise MeshFileError(
+                f"{path} announces {size} numbers under {place} of {store.name}, which does not"
+                " hold so many. Write the mesh again."
+            )
 
 
 def write_xdmf(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:

@@ -229,6 +229,10 @@ BAD: dict[str, tuple[Callable[[pathlib.Path], str], str]] = {
         "1 tetrahedra are inverted or flat, the first, number 7",
     ),
     "hole in a mesh": (hollow, "faces of the boundary or the interface have no label, the first"),
+    "folder without a mesh": (
+        lambda _: '[anatomy]\nkind = "mesh"\npath = "/"\nunit = "cm"\n',
+        "this folder holds no mesh",
+    ),
     "mesh without blood": (all_wall, "tetrahedra of the mesh are wall; none is blood"),
     "coordinates that are not numbers": (
         without_numbers,

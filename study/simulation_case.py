@@ -194,7 +194,7 @@ def check_openings(case: Case, mesh: Mesh, *, rigid: bool) -> None:
     names, problem, cure = mesh.openings, "", "name the ends of aorta and coronary in the anatomy"
     match case.anatomy:
         case MeshAnatomy():
-            old = names[0] if names else "NAME"
+            old = min(names, key=lambda name: "inlet" not in name, default="NAME")
             cure = f'name them below [anatomy.labels], such as {shown_key(old)} = "{INLET}"'
         case SurfaceAnatomy():
             cure = f"name them below [anatomy.openings], such as {INLET} = [x, y, z]"

@@ -31,6 +31,7 @@ from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
 from jaxfsi.meshing.isosurface import Surface, extract_surface
 from jaxfsi.meshing.labels import label_faces
 from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
+from jaxfsi.meshing.presets import PRESETS
 from jaxfsi.meshing.projection import balance, project
 from jaxfsi.meshing.quality import Quality, mesh_quality
 from jaxfsi.meshing.remesh import remesh_surfaces

@@ -38,7 +38,7 @@ def _part(bench: Bench, name: str, made: Document | None, begun: Document | None
         "kept": made is not None and made["date"] < bench.begun,
         "date": None if made is None else made["date"],
         "begun": None if first is None else first["date"],
-        **(_code(first) if first is not None else {}),
+        **_code(first or {}),
     }
 
 

@@ -1,8 +1,10 @@
 """A folder kept over a change of code or libraries: what is computed again, and what stays."""
 
 import dataclasses
+import importlib.resources
 import types
 
+import jinja2
 import pytest
 
 import study.fsi_bench as fsi_bench
@@ -105,6 +107,20 @@ def test_document_tells_when_and_by_which_code_a_run_was_made(bench, march, monk
     assert found["by"]["commit"] == "newer"
     (told,) = older_parts(found)
     assert told.startswith("curve-rest: computed on 20")
+    assert found["parts"][0] == {**dict.fromkeys(found["parts"][0]), "part": "mesh", "kept": False}
+    page = _provenance_of(found)
+    assert ", kept" in page
+    assert "2999" not in page
+
+
+def _provenance_of(computed):
+    """The part of the page that tells of it."""
+    text = importlib.resources.files("study").joinpath("templates/study.html").read_text()
+    start = text.index("{% if d.computed is defined %}")
+    template = jinja2.Environment(undefined=jinja2.StrictUndefined).from_string(
+        text[start : text.index("</details>", start)]
+    )
+    return template.render(d={"computed": computed})
 
 
 def test_measured_ratio_and_order_of_the_conditions_are_no_input_of_a_run(bench):

@@ -1,12 +1,13 @@
 """The document of the command `study`: all numbers of Algorithm 1 in 3D for one patient."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.algorithm import CURVE, LOOP, NOMINAL, PAPER, StudyResult, shown_runs
 from study.case import WindkesselParameters
 from study.document_rows import CALIBRATED, FIXED
-from study.findings import FFR_THRESHOLD
+from study.headline import Reading, headline, headline_numbers
 from study.kept_parts import computed_parts, older_parts
 from study.lumen_motion import measured_states
 from study.numerics import decided_by
@@ -16,6 +17,7 @@ from study.sensitivity_part import sensitivity_parts
 from study.simulation_case import OUTLET
 from study.simulation_results import Drawn
 from study.stored_document import FORMAT
+from study.tuning import ratio_error
 
 Document = dict[str, Any]
 
@@ -53,6 +55,7 @@ def study_document(
         "patient": case.id,
         "rule": case.stress.rule,
         "verdict": study_verdict(result),
+        "headline": headline_numbers(study_readings(result)),
         "notes": [{"level": level, "text": text} for level, text in [*_notes(result), *older]],
         "rest_ratio_measured": case.conditions["rest"].ffr,
         "ramp": ramp_part(result.record, result.fit, result.choice.ramp),
@@ -92,22 +95,48 @@ def study_document(
 
 
 def study_verdict(result: StudyResult) -> str:
-    """The result in one or two sentences."""
-    case, parts = result.bench.case, []
-    for run in result.runs:
-        if run["condition"] == "rest" or run["label"] != LOOP or run["rule"] != _own_rule(result):
-            continue
-        measured = case.conditions[run["condition"]].ffr
-        known = "" if measured is None else f" (measured {measured:g})"
-        below = "at or below" if run["ratio"] <= FFR_THRESHOLD else "above"
-        parts.append(f"{run['ratio']:.3f} under {run['condition']}{known}, {below} 0.80")
-    loop, target = result.loop, case.conditions["rest"].ffr
+    """The result in a few sentences."""
+    loop, target = result.loop, result.bench.case.conditions["rest"].ffr
     word = "meets" if loop.reached else "misses"
     rest = (
         f"At rest the 3D model has Pd/Pa {loop.ratio:.4f} and {word} the measured {target:.3f}"
         f" with alpha = {loop.alpha:.4g}."
     )
-    return (f"FFR in 3D: {'; '.join(parts)}. " if parts else "") + rest
+    readings = study_readings(result)
+    return f"{headline(readings, what='FFR in 3D')} {rest}" if readings else rest
+
+
+def study_readings(result: StudyResult) -> list[Reading]:
+    """FFR in 3D of every condition under stress by every rule that was run, the own rule first."""
+    own = _own_rule(result)
+    runs = [r for r in result.runs if r["condition"] != "rest" and r["label"] == LOOP]
+    conditions = list(dict.fromkeys(run["condition"] for run in runs))
+    found = []
+    for run in sorted(runs, key=lambda r: (conditions.index(r["condition"]), r["rule"] != own)):
+        entry = result.bench.case.conditions[run["condition"]]
+        words, sd = f"rule {run['rule']}", _ratio_sd(result, run)
+        found.append(
+            Reading(run["condition"], words, run["ratio"], sd, entry.ffr, ratio_error(entry))
+        )
+    return found
+
+
+def _ratio_sd(result: StudyResult, run: Mapping[str, Any]) -> float:
+    """Standard deviation of a ratio in 3D from the error of the resting ratio and what is missed.
+
+    ∂ log FFR/∂ log Pd/Pa with α tuned again is that of the surrogate, the curve's where there is
+    one: in 3D it would take runs with several α under stress.
+    """
+    rest = result.bench.case.conditions["rest"]
+    assert rest.ffr is not None
+    laws = (QUADRATIC, LINEAR)
+    mine = {
+        r.law: r
+        for r in result.reduced.runs
+        if (r.condition, r.rule, r.boundary) == (run["condition"], run["rule"], CALIBRATED)
+    }
+    slope = next(abs(mine[law].recalibrated["rest_ratio"]) for law in laws if law in mine)
+    return slope * math.hypot(ratio_error(rest), _miss(result)) / rest.ffr * run["ratio"]
 
 
 def _own_rule(result: StudyResult) -> str:
@@ -137,6 +166,7 @@ def _calibrations(result: StudyResult) -> Iterator[Document]:
 def _rows(result: StudyResult) -> Iterator[Document]:
     """One row a condition and rule: measured, 0D and 3D, nominal and calibrated."""
     case = result.bench.case
+    sds = {(r.condition, r.words.removeprefix("rule ")): r.sd for r in study_readings(result)}
     settings = dict.fromkeys(
         (run["condition"], run["rule"])
         for run in sorted(result.runs, key=lambda r: r["condition"] != "rest")
@@ -163,6 +193,7 @@ def _rows(result: StudyResult) -> Iterator[Document]:
             "curve_0d": reduced.get((QUADRATIC, CALIBRATED)),
             "curve_0d_nominal": reduced.get((QUADRATIC, FIXED)),
             "fsi": best[0] if best else None,
+            "fsi_sd": sds.get((condition, rule)),
             "fsi_nominal": found.get(NOMINAL),
             "flow_ml_per_min": flows[0] if flows else None,
         }

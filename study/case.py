@@ -313,6 +313,18 @@ def _resistance(case: Case) -> Fault | None:
     return Fault(case.path, "surrogate.R0_dyn_s_per_cm5", None, problem, "above 0", cure)
 
 
+def _resistance_for_ffr(case: Case) -> Fault | None:
+    """Under the linear law the ratio at rest fixes that under stress, whatever R0 is."""
+    stress = any(entry.kind == "stress" for entry in case.conditions.values())
+    if case.surrogate.law == "linear" and stress:
+        return None
+    fault = _resistance(case)
+    if fault is None or case.surrogate.law != "linear":
+        return fault
+    cure = f"{fault.cure}; or add a condition under stress: its FFR does not depend on R0"
+    return dataclasses.replace(fault, cure=cure)
+
+
 def _quadratic_loss(case: Case) -> Fault | None:
     given = case.surrogate.K is not None or isinstance(case.anatomy, IvusAnatomy)
     if case.surrogate.law == "linear" or given:
@@ -357,7 +369,7 @@ _LINE = "the centre line is missing; it places the contours in space"
 _RADIUS = "the radius of the aorta is missing; the coronary is joined to it"
 
 REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
-    "run": (_rest, _rest_ffr, _resistance, _quadratic_loss),
+    "run": (_rest, _rest_ffr, _resistance_for_ffr, _quadratic_loss),
     "calibrate": (_rest, _rest_ffr, _resistance, _quadratic_loss),
     "sweep": (_rest, _resistance, _quadratic_loss),
     "mesh": (

@@ -42,20 +42,20 @@ def diagnosis_document(
     noise = noise_of(record)
     names = [c.name for c in record.conditions]
     rest = rest_map(diagnosis.record)
-    fitted = fitted_gap(diagnosis)
+    fitted, joint = fitted_gap(diagnosis), joint_map(diagnosis)
     return {
         "kind": "diagnose",
         "format": "jaxfsi 1",
         "id": record.id,
         "verdict": judgement.verdict,
-        "sentence": sentence(diagnosis),
+        "sentence": sentence(diagnosis, joint.p_value),
         "to_do": to_do(diagnosis, names),
         "named": list(judgement.named),
         "probabilities": _listed(judgement.probabilities),
         "inclusion": {k: round(v, 6) for k, v in judgement.inclusion.items()},
         "closed": judgement.closed,
         "effects": [_effect(diagnosis, e) for e in _shown_effects(diagnosis)],
-        "where": _blocks(joint_map(diagnosis), names),
+        "where": _blocks(joint, names),
         "where_after_rest_alone": None if rest is None else _blocks(rest, names),
         "place_in_model": place_probabilities(diagnosis),
         "free_forcing": forcing_shares(diagnosis),

@@ -12,6 +12,9 @@ from study.numerals import with_sd
 LISTED, MOST_LISTED = 0.05, 5
 """Probability from which a cause of an ambiguous set is listed, and how many are."""
 
+DEMONSTRATED = 0.05
+"""Chance from noise alone below which the misfit of the base model is a gap."""
+
 LIKELY_PLACE = 0.1
 """Share of a free forcing's evidence from which its place is told."""
 
@@ -26,8 +29,13 @@ _LOOK = {
 }
 
 
-def sentence(diagnosis: Diagnosis) -> str:
-    """The verdict in a sentence or two."""
+def sentence(diagnosis: Diagnosis, chance: float) -> str:
+    """The verdict in a sentence or two.
+
+    Args:
+        diagnosis: the diagnosis.
+        chance: that noise alone leaves so large a misfit of the base model.
+    """
     judgement, effects = diagnosis.judgement, diagnosis.effects
     if judgement.verdict == "no_gap":
         return (
@@ -36,10 +44,22 @@ def sentence(diagnosis: Diagnosis) -> str:
         )
     if judgement.verdict == "named":
         parts = [find_effect(effects, name).sentence for name in judgement.named]
-        return f"The gap is explained: {'; and '.join(parts)}."
+        what = "The gap" if chance < DEMONSTRATED else "The record"
+        return f"{what} is explained: {'; and '.join(parts)}."
     if judgement.verdict == "unknown":
-        return _partly(diagnosis)
-    return f"There is a gap; the data cannot tell between: {_several(diagnosis)}."
+        return _partly(diagnosis, chance)
+    return f"{_found(diagnosis, chance)}; the data cannot tell between: {_several(diagnosis)}."
+
+
+def _found(diagnosis: Diagnosis, chance: float) -> str:
+    """Whether there is a gap: the base model misses the data, or fits them with odd unknowns."""
+    if chance < DEMONSTRATED:
+        return "There is a gap"
+    none = diagnosis.judgement.probabilities["none"]
+    return (
+        f"The base model meets the data within their noise (p = {chance:.2g}), so no gap is "
+        f"demonstrated, but it needs unusual unknowns (probability of no gap {none:.2g})"
+    )
 
 
 def _several(diagnosis: Diagnosis) -> str:
@@ -52,7 +72,7 @@ def _several(diagnosis: Diagnosis) -> str:
     return ", ".join(_plain(n) for n in (likely if more > 1 else names)) + rest
 
 
-def _partly(diagnosis: Diagnosis) -> str:
+def _partly(diagnosis: Diagnosis, chance: float) -> str:
     """The verdict where something acts that is not in the catalogue."""
     beside = max(diagnosis.beside, key=lambda h: diagnosis.beside[h])
     if beside and diagnosis.beside[beside] >= 0.5:
@@ -60,8 +80,8 @@ def _partly(diagnosis: Diagnosis) -> str:
         return f"The gap is explained in part: {parts}. What is left is not in the catalogue."
     near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
     return (
-        "There is a gap, and no effect of the catalogue explains it. "
-        f"The nearest is {near}, which leaves a gap."
+        f"{_found(diagnosis, chance)}, and no effect of the catalogue explains it. "
+        f"The nearest is {near}, which leaves a part."
     )
 
 

@@ -11,12 +11,10 @@ from calibration.identifiability import RATIO_PARAMETERS, RatioIdentifiability
 from calibration.identifiability import identifiability as combinations
 from lumped import ML_PER_MIN, MM, MMHG
 from study.document_rows import CALIBRATED, FIXED
+from study.headline import Reading, headline
 from study.patient import LINEAR, QUADRATIC, Vessel
 from study.pipeline import CaseResult, Run
 from study.tuning import ratio_error
-
-FFR_THRESHOLD = 0.80
-"""FFR at or below which an obstruction is held to matter (as in the clinical cohorts) [-]."""
 
 FLOW_RANGE = (30.0, 200.0)
 """Resting flow of one coronary artery of an adult [mL/min]; right ones lie low, left ones high."""
@@ -49,40 +47,42 @@ def verdict(result: CaseResult) -> str:
             f"The measured resting ratio of {target:.2f} is met with alpha = {alpha:.3g}. "
             "The case has no stress condition, so no FFR is predicted."
         )
-    parts = []
+    return headline(stress_readings(result), what="Predicted FFR")
+
+
+def stress_readings(result: CaseResult) -> list[Reading]:
+    """FFR of every condition under stress by every law and rule, the case's own first."""
+    case = result.patient.case
+    found = []
     for name in result.patient.stresses:
-        own = result.run(name)
-        others = [r.ratio for r in _readings(result, name)]
-        measured = case.conditions[name].ffr
-        known = "" if measured is None else f"measured {measured:g}; "
-        parts.append(f"{own.ratio:.2f} under {name} ({known}{_span(others)} over all readings)")
-    listed = "; ".join(parts)
-    return f"Predicted FFR: {listed}. {_threshold(result)}"
+        own, entry = result.run(name), case.conditions[name]
+        runs = [r for r in result.runs if r.condition == name and r.boundary == CALIBRATED]
+        for run in sorted(runs, key=lambda r: r is not own):
+            law = f"the {run.law} law and " if len(result.calibrations) > 1 else ""
+            words = f"{law}rule {run.rule}"
+            found.append(
+                Reading(name, words, run.ratio, run.ratio_sd, entry.ffr, ratio_error(entry))
+            )
+    return found
 
 
-def _threshold(result: CaseResult) -> str:
-    below = [
-        run.ratio <= FFR_THRESHOLD
-        for name in result.patient.stresses
-        for run in _readings(result, name)
-    ]
-    if all(below):
-        return f"Every reading of the model lies at or below {FFR_THRESHOLD:.2f}."
-    if not any(below):
-        return f"Every reading of the model lies above {FFR_THRESHOLD:.2f}."
+R0_CANCELS = (
+    "Under the linear law the resting ratio fixes alpha/R0, and FFR depends on nothing else of the "
+    "two: it does not depend on R0."
+)
+
+
+def resistance_words(result: CaseResult) -> str:
+    """Whether R0 matters to the predicted FFR of the case's own law; empty where it does."""
+    if result.patient.case.surrogate.law != LINEAR or not result.patient.stresses:
+        return ""
+    if not result.patient.model.assumed:
+        return R0_CANCELS
+    R0 = float(result.patient.model.surrogate.R0)
     return (
-        f"{sum(below)} of {len(below)} readings lie at or below {FFR_THRESHOLD:.2f}: whether the "
-        "obstruction matters depends on how the model is read."
+        f"{R0_CANCELS} None is given, so {R0:.4g} dyn s/cm5 is assumed; alpha and flow belong to it"
+        " and are not the patient's."
     )
-
-
-def _readings(result: CaseResult, name: str) -> list[Run]:
-    return [r for r in result.runs if r.condition == name and r.boundary == CALIBRATED]
-
-
-def _span(values: list[float]) -> str:
-    low, high = f"{min(values):.2f}", f"{max(values):.2f}"
-    return low if low == high else f"{low} to {high}"
 
 
 def identifiability(result: CaseResult) -> list[str]:
@@ -127,7 +127,12 @@ def notes(result: CaseResult) -> list[Note]:
         *_reserve_notes(result),
         *_vessel_notes(result),
     ]  # fmt: skip
-    if case.anatomy is None or result.patient.vessel is None:
+    said = resistance_words(result)
+    if said:
+        found.append(Note("info", said))
+    if result.patient.model.assumed:
+        pass
+    elif case.anatomy is None or result.patient.vessel is None:
         found.append(Note("info", "No contours: the resistance is the one given in the case."))
     elif case.surrogate.R0 is not None:
         drawn = result.patient.models.get(QUADRATIC)
@@ -141,6 +146,8 @@ def notes(result: CaseResult) -> list[Note]:
 def _flow_notes(result: CaseResult) -> Iterator[Note]:
     low, high = FLOW_RANGE
     for law in result.calibrations:
+        if result.patient.models[law].assumed:
+            continue
         run = result.run("rest", law=law)
         flow = run.flow_ml_per_min
         if low <= flow <= high:
@@ -162,7 +169,7 @@ def _flow_notes(result: CaseResult) -> Iterator[Note]:
 def _alpha_notes(result: CaseResult) -> Iterator[Note]:
     low, high = ALPHA_RANGE
     for law, fit in result.calibrations.items():
-        if not low <= fit.alpha <= high:
+        if not low <= fit.alpha <= high and not result.patient.models[law].assumed:
             where = "below" if fit.alpha < low else "above"
             yield Note(
                 "warning",

@@ -78,9 +78,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "case": (
         "study/algorithm.py", "study/algorithm_results.py", "study/anatomy_tables.py",
         "study/beat.py", "study/case.py", "study/case_anatomy.py", "study/case_tables.py",
-        "study/findings.py", "study/losses_table.py", "study/pipeline.py", "study/results.py",
-        "study/schema.py", "study/sensitivity_part.py", "study/study_command.py", "study/sweep.py",
-        "study/tables.py", "study/tuning.py",
+        "study/findings.py", "study/headline.py", "study/losses_table.py", "study/pipeline.py",
+        "study/results.py", "study/schema.py", "study/sensitivity_part.py",
+        "study/study_command.py", "study/sweep.py", "study/tables.py", "study/tuning.py",
     ),
 }  # fmt: skip
 """Modules of each part, as patterns of paths; a module may belong to more than one."""

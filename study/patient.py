@@ -25,6 +25,9 @@ from study.case import Case
 from study.case_anatomy import IvusAnatomy
 from study.faults import CaseError, Fault
 
+ASSUMED_R0 = 5.0e3
+"""R0 of the linear law where nothing is known: FFR does not depend on it [dyn·s/cm⁵]."""
+
 TANGENT_DROP = 40.0 * MMHG
 """Pressure drop at which the paper takes the slope of the ramp for R0 [dyn/cm²]."""
 
@@ -56,11 +59,13 @@ class Model:
         law: `linear` or `quadratic`.
         surrogate: the surrogate at α = 1.
         origin: where R0 and K come from, in words.
+        assumed: whether nothing is known of R0.
     """
 
     law: str
     surrogate: Surrogate
     origin: str
+    assumed: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,8 +177,12 @@ def _coronary(case: Case) -> Coronary:
 
 
 def _linear(case: Case, vessel: Vessel | None) -> Model | None:
-    """R0 of the linear law; where the case itself asks for the quadratic one, its slope."""
-    given = case.surrogate
+    """R0 of the linear law; where the case itself asks for the quadratic one, its slope.
+
+    Where nothing is known it is assumed: α tuned at rest goes with R0 (α/R0 is what the resting
+    ratio fixes), and the ratio under stress stays what it is.
+    """
+    given, assumed = case.surrogate, False
     if given.R0 is not None and given.K is not None and given.law == QUADRATIC:
         R0 = PressureFlowLaw(a=given.R0, b=given.K).tangent(TANGENT_DROP)
         origin = "R0 = slope of the given quadratic law at a drop of 40 mmHg"
@@ -182,9 +191,13 @@ def _linear(case: Case, vessel: Vessel | None) -> Model | None:
     elif vessel is not None:
         R0 = vessel.losses.law.tangent(TANGENT_DROP)
         origin = "R0 = slope of the lumen's pressure-flow law at a drop of 40 mmHg"
+    elif given.law == LINEAR:
+        R0, assumed = ASSUMED_R0, True
+        origin = "R0 assumed; FFR does not depend on it, alpha and flow do"
     else:
         return None
-    return Model(LINEAR, Surrogate(R0=R0, C0=given.C0, coronary=_coronary(case)), origin)
+    surrogate = Surrogate(R0=R0, C0=given.C0, coronary=_coronary(case))
+    return Model(LINEAR, surrogate, origin, assumed)
 
 
 def _quadratic(case: Case, vessel: Vessel | None) -> Model | None:

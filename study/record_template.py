@@ -51,7 +51,7 @@ drug = "dobutamine"
 period_s = 0.45
 P_systolic_mmHg = 130.0
 P_diastolic_mmHg = 70.0
-ffr = 0.85
+ffr = 0.90
 
 # Traces are CSV files. The first line names the columns: time_s, P_aorta_mmHg, and where recorded
 # P_distal_mmHg and Q_coronary_ml_per_min. Whole beats from the opening of the aortic valve on, the

@@ -9,6 +9,7 @@ from markupsafe import Markup
 
 from study.document_rows import gap_rows, laws, ratio_rows
 from study.figures import NAMES, figures
+from study.headline import chance_at_or_below, percent
 from study.mesh_figures import mesh_figures
 from study.numerals import signed, significant, span, with_sd
 from study.simulation_figures import simulation_figures
@@ -68,7 +69,13 @@ def rendered(name: str, **values: Any) -> str:
         lstrip_blocks=True,
         loader=jinja2.FunctionLoader(lambda part: (folder / part).read_text("utf-8")),
     )
-    environment.filters |= {"sig": significant, "span": span, "signed": signed, "with_sd": with_sd}
+    environment.filters |= {
+        "sig": significant,
+        "span": span,
+        "signed": signed,
+        "with_sd": with_sd,
+        "chance": lambda value, sd: percent(chance_at_or_below(value, sd)),
+    }
     return environment.get_template(name).render(**values)
 
 

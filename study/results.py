@@ -12,7 +12,15 @@ import numpy as np
 
 from lumped import ML_PER_MIN, MM, MMHG, MMHG_S_PER_ML, RCR
 from study.document_rows import CALIBRATED, ratio_name
-from study.findings import fixed_error, identifiability, notes, verdict
+from study.findings import (
+    fixed_error,
+    identifiability,
+    notes,
+    resistance_words,
+    stress_readings,
+    verdict,
+)
+from study.headline import headline_numbers
 from study.patient import Patient, Vessel
 from study.pipeline import CaseResult, Run
 from study.readings import READINGS
@@ -28,6 +36,8 @@ def case_document(result: CaseResult, provenance: Document) -> Document:
     return {
         **_head("run", patient),
         "verdict": verdict(result),
+        "headline": headline_numbers(stress_readings(result)),
+        "resistance_words": resistance_words(result),
         "notes": [{"level": note.level, "text": note.text} for note in notes(result)],
         **_patient_part(patient),
         "calibrations": _calibrations(result.calibrations, result.failures),
@@ -96,6 +106,7 @@ def _model(patient: Patient, law: str) -> Document:
         "K_mmHg_s2_per_ml2": None if surrogate.K is None else float(surrogate.K) / MMHG,
         "C0": float(surrogate.C0),
         "origin": model.origin,
+        "R0_assumed": model.assumed,
     }
 
 

@@ -66,6 +66,7 @@ def _run(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield ""
     yield document["verdict"]
+    yield from _small_print(document)
     yield ""
     columns = [f"{law[:4]}. {outlet}" for law in laws(document) for outlet in ("nominal", "calib.")]
     yield f"{'condition':<14}{'rule':<10}{'measured':>9}" + "".join(f"{c:>15}" for c in columns)
@@ -97,6 +98,14 @@ def _run(document: Document) -> Iterator[str]:
             yield from _mesh({"patient": document["patient"], **mesh})
 
 
+def _small_print(document: Document) -> Iterator[str]:
+    """What the uncertainty holds, and what R0 does."""
+    if document.get("headline", {}).get("readings"):
+        yield document["headline"]["not_included"]
+    if document.get("resistance_words"):
+        yield document["resistance_words"]
+
+
 def _calibration(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield from _alphas(document)
@@ -110,6 +119,8 @@ def _alphas(document: Document) -> Iterator[str]:
         low, high = fit["alpha_95"]
         checks = [("bisection", fit["bisection"]), ("closed form", fit["closed_form"])]
         checked = "".join(f"; {name} {x:.4g}" for name, x in checks if x is not None)
+        if document.get("models", {}).get(law, {}).get("R0_assumed"):
+            checked += "; belongs to the assumed R0"
         yield (
             f"{law} law: alpha = {fit['alpha']:.4g} (95 %: {low:.3g} to {high:.3g}) for a resting "
             f"ratio of {fit['target']:g}{checked}"
@@ -181,14 +192,16 @@ def _study(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield ""
     yield document["verdict"]
+    yield from _small_print(document)
     yield ""
-    yield f"{'condition':<14}{'rule':<10}{'measured':>9}{'linear 0D':>11}{'curve 0D':>10}{'3D':>9}"
+    head = f"{'condition':<14}{'rule':<10}{'measured':>9}{'linear 0D':>11}{'curve 0D':>10}"
+    yield f"{head}{'3D':>9}{'sd':>9}"
     for row in document["rows"]:
-        cells = (row["measured"], row["linear_0d"], row["curve_0d"], row["fsi"])
+        cells = (row["measured"], row["linear_0d"], row["curve_0d"], row["fsi"], row.get("fsi_sd"))
         text = ["-" if value is None else f"{value:.4f}" for value in cells]
         yield (
             f"{row['condition'][:13]:<14}{row['rule'] or '-':<10}"
-            f"{text[0]:>9}{text[1]:>11}{text[2]:>10}{text[3]:>9}"
+            f"{text[0]:>9}{text[1]:>11}{text[2]:>10}{text[3]:>9}{text[4]:>9}"
         )
     yield ""
     for entry in document["calibrations"]:

@@ -80,7 +80,8 @@ period_s = 0.45
 #P_venous_mmHg = 0.0
 #im_factor = 1.0                    # factor of the ventricular pressure
 
-# The anomalous artery in 0D, dP = R0 Q + K Q |Q|.
+# The anomalous artery in 0D, dP = R0 Q + K Q |Q|. Under the linear law the resting ratio fixes
+# alpha/R0, so that FFR does not depend on R0: jaxfsi run needs none, only alpha and flow do.
 [surrogate]
 R0_dyn_s_per_cm5 = 5.0e3            # or R0_mmHg_s_per_ml = 3.75; with an sd of its logarithm:
 # R0_dyn_s_per_cm5 = { value = 5.0e3, sd_log = 0.15 }; may be left out with an ivus anatomy

@@ -124,7 +124,7 @@ def _ivus(case: Case, anatomy: IvusAnatomy, state: str) -> Anatomy:
         **_thickness(case.wall),
     }
     options = IvusOptions(**{name: value for name, value in given.items() if value is not None})
-    with _refusal(files.contours):
+    with _refusal(files.contours, anatomy.centerline, *files.files[1:]):
         return sources.ivus_anatomy(
             files.contours,
             anatomy.centerline,
@@ -207,14 +207,15 @@ def _check_thickness(case: Case, anatomy: Anatomy) -> None:
 
 
 @contextmanager
-def _refusal(file: pathlib.Path) -> Iterator[None]:
-    """Turn the refusal of a source into a fault of the file that it concerns."""
+def _refusal(file: pathlib.Path, *others: pathlib.Path) -> Iterator[None]:
+    """Turn the refusal of a source into a fault of the file that it names, else of the first."""
     try:
         yield
     except CaseError:
         raise
     except ValueError as error:
-        raise CaseError([file_fault(file, error)]) from error
+        named = [other for other in others if str(error).startswith(f"{other}: ")]
+        raise CaseError([file_fault((*named, file)[0], error)]) from error
 
 
 def file_fault(file: pathlib.Path, error: Exception) -> Fault:

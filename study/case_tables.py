@@ -8,6 +8,7 @@ from jaxfsi.meshing.presets import PRESETS
 from study.advice import nearest, python_alone
 from study.anatomy_tables import KINDS, read_anatomy
 from study.beat import read_beat
+from study.combinations import check_case
 from study.faults import printable, shown_key
 from study.losses_table import R0, K, read_losses
 from study.schema import FREE_TEXT, Key, Location, Quantity, Value, Word, spellings
@@ -27,11 +28,11 @@ PATIENT = (
     ),
 )
 BLOOD = (
-    Quantity("viscosity", "viscosity", "poise", 0.005, 0.5, 0.04),
+    Quantity("viscosity", "viscosity", "poise", 0.008, 0.2, 0.04),
     Quantity("density", "density", "g_per_cm3", 0.8, 1.3, 1.06),
 )
 WALL = (
-    Quantity("E", "stiffness", "dyn_per_cm2", 1.0e5, 1.0e9, 1.5e7),
+    Quantity("E", "stiffness", "dyn_per_cm2", 2.0e5, 3.0e8, 1.5e7),
     Quantity("nu", "number", "", 0.0, 0.5, 0.49, advice="give Poisson's ratio, at most 0.5"),
     Quantity("density", "density", "g_per_cm3", 0.5, 3.0, 1.0),
     Word(
@@ -53,16 +54,16 @@ CONDITION = (
     Quantity("P_systolic", "pressure", "mmHg", 30.0, 300.0, required=True),
     Quantity("P_diastolic", "pressure", "mmHg", 20.0, 200.0, required=True),
     Quantity("period", "time", "s", 0.2, 3.0, required=True, aliases=("heart_rate", "HR")),
-    Quantity("cardiac_output", "flow", "l_per_min", 0.3, 40.0, aliases=("CO",)),
-    Quantity("stroke_volume", "volume", "ml", 3.0, 300.0, aliases=("SV",)),
+    Quantity("cardiac_output", "flow", "l_per_min", 0.15, 40.0, aliases=("CO",)),
+    Quantity("stroke_volume", "volume", "ml", 1.0, 300.0, aliases=("SV",)),
     Quantity("ffr", "ratio", "", 0.0, 1.0, exclusive=True, advice=FFR_MEANING),
     Quantity("ffr_sd", "ratio", "", 0.0, 0.3, exclusive=True),
     Location("waveform", described="CSV file with time_s,P_aorta_mmHg"),
 )
 CORONARY = (
-    Quantity("R_1", "resistance", "dyn_s_per_cm5", 1.0e2, 1.0e8, 3.1992e4),
-    Quantity("R_2", "resistance", "dyn_s_per_cm5", 1.0e2, 1.0e8, 6.3984e4),
-    Quantity("R_3", "resistance", "dyn_s_per_cm5", 1.0e2, 1.0e8, 2.666e5),
+    Quantity("R_1", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 3.1992e4),
+    Quantity("R_2", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 6.3984e4),
+    Quantity("R_3", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 2.666e5),
     Quantity("C_a", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 4.5e-7),
     Quantity("C_im", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 3.0e-6),
     Quantity("P_venous", "pressure", "mmHg", -5.0, 40.0, 0.0),
@@ -164,6 +165,7 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     values["wall"] = _read_wall(document.get("wall", {}), context)
     values["condition"] = _read_conditions(document.get("condition", {}), context)
     values["stress"] = _read_stress(document.get("stress", {}), context)
+    check_case(values, document, context)
     surrogate = document.get("surrogate")
     given = surrogate if isinstance(surrogate, dict) else {}
     if "law" not in given and any(key.key in given for key in spellings(K)):

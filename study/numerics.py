@@ -78,7 +78,8 @@ PARTS: dict[str, tuple[str, ...]] = {
     "case": (
         "study/algorithm.py", "study/algorithm_results.py", "study/anatomy_tables.py",
         "study/beat.py", "study/case.py", "study/case_anatomy.py", "study/case_tables.py",
-        "study/findings.py", "study/headline.py", "study/losses_table.py", "study/pipeline.py",
+        "study/combinations.py", "study/findings.py", "study/headline.py",
+        "study/losses_table.py", "study/pipeline.py",
         "study/results.py", "study/schema.py", "study/sensitivity_part.py",
         "study/study_command.py", "study/sweep.py", "study/tables.py", "study/tuning.py",
     ),

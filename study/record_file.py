@@ -9,6 +9,7 @@ import numpy as np
 
 import diagnosis
 from lumped.units import ML_PER_MIN
+from study.combinations import check_recorded
 from study.document import read_document
 from study.faults import CaseError
 from study.record_beats import read_beats
@@ -82,6 +83,7 @@ def _condition(entry: Mapping[str, Any], context: Context) -> dict[str, Any] | N
     if entry["file"] is not None and period is not None and peak is not None:
         beats = read_beats(entry["file"], period, peak, key, context.faults)
         _check_means(values, beats, entry["heading"], context)
+    check_recorded(values, beats, entry["heading"], context)
     needed = ("name", "drug", "period", "P_systolic", "P_diastolic")
     if any(values[name] is None for name in needed):
         return None

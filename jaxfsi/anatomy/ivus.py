@@ -12,6 +12,8 @@ Caution: the ultrasound catheter is 1 mm thick, so no lumen narrower than that c
 
 import dataclasses
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -132,13 +134,16 @@ def ivus_anatomy(
             " Give it in cm."
         )
     pullback = read_pullback(contours, frame_table=frame_table, reference=reference)
-    pullback = _with_septum(pullback, septum)
-    fit = fit_aorta(
-        read_centerline(centerline),
-        aorta_radius,
-        offset=float(np.nanmean(pullback.septum) + np.ptp(pullback.sections[0, :, 0]) / 2.0),
-        ostium_end=options.ostium_end,
-    )
+    with _about(contours if frame_table is None else frame_table):
+        pullback = _with_septum(pullback, septum)
+    line = read_centerline(centerline)
+    with _about(centerline):
+        fit = fit_aorta(
+            line,
+            aorta_radius,
+            offset=float(np.nanmean(pullback.septum) + np.ptp(pullback.sections[0, :, 0]) / 2.0),
+            ostium_end=options.ostium_end,
+        )
     t_aorta = float(options.thickness(np.array([aorta_radius]))[0])
     course = coronary_course(
         pullback,
@@ -151,6 +156,15 @@ def ivus_anatomy(
     )
     coronary = _coronary(pullback, course, options)
     return _assembled(pullback, fit, course, coronary, aorta_radius, options, state)
+
+
+@contextmanager
+def _about(file: str | os.PathLike[str]) -> Iterator[None]:
+    """Name the file that a refusal is about."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
 
 
 def _with_septum(pullback: Pullback, septum: float | None) -> Pullback:

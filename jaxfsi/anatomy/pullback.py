@@ -20,11 +20,18 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxfsi.contours import read_ivus_contours
+from jaxfsi.lumen import Lumen
 from lumped.units import MM
 
 _DIRECTED_ELLIPTICITY = 1.25
 _THICKNESS_COLUMN = "measurement_1"
 _THICKNESS_RANGE_MM = (0.05, 10.0)
+_USUAL_THICKNESS_MM = 0.15  # median of a pullback; in cm a newborn's septum lies below
+_LENGTH_RANGE_MM = (3.0, 250.0)
+_LENGTHS_APART = 3.0  # factor between two lengths of one pullback that no motion explains
+_AREAS_APART = 3.0
+_REFERENCE_REACH_MM = 40.0
+_REFERENCE_SLIP_MM = 2.0
 
 
 class Pullback(NamedTuple):
@@ -66,20 +73,26 @@ def read_pullback(
     """
     lumen = read_ivus_contours(contours, frame_table=frame_table)
     points = np.asarray(lumen.contours)
+    z_mm = _frame_heights(pathlib.Path(contours))
+    _check_length(pathlib.Path(contours), float(np.ptp(list(z_mm.values()))), "z spans")
     numbers = _frame_numbers(pathlib.Path(contours))
     septum = np.full(len(numbers), np.nan)
     if frame_table is None:
         numbers = numbers[::-1]
     else:
-        position, thickness = _thicknesses(pathlib.Path(frame_table))
+        table = pathlib.Path(frame_table)
+        position, thickness = _thicknesses(table)
+        _check_table(table, lumen, z_mm, [position[number] for number in numbers])
         numbers = np.array(sorted(numbers, key=lambda number: position[number]))
         septum = np.array([thickness[number] for number in numbers]) * MM
     centroids = polygon_centroids(points)
     centred = points - centroids[:, None]
     towards = _aortic_directions(centred, np.asarray(lumen.s))
     if reference is not None:
-        number, point = _reference_point(pathlib.Path(reference), numbers)
+        place = pathlib.Path(reference)
+        number, point, height = _reference_point(place, numbers)
         k = int(np.flatnonzero(numbers == number)[0])
+        _check_reference(place, number, point - centroids[k], height - z_mm[number])
         if (point - centroids[k]) @ towards[k] < 0.0:
             towards = -towards
     along = np.stack([-towards[:, 1], towards[:, 0]], axis=1)
@@ -144,6 +157,72 @@ def _frame_numbers(path: pathlib.Path) -> Int[np.ndarray, " frames"]:
     return column[np.sort(first)]
 
 
+def _frame_heights(path: pathlib.Path) -> dict[int, float]:
+    """Height z of each frame [mm] in a file that `read_ivus_contours` has checked."""
+    return {int(float(row[0])): float(row[3]) for row in _rows(path, "\t")}
+
+
+def _check_length(path: pathlib.Path, length_mm: float, what: str) -> None:
+    """Refuse a pullback that is too short or too long for a coronary in mm."""
+    low, high = _LENGTH_RANGE_MM
+    if not low <= length_mm <= high:
+        guess = " Is it in cm? Then multiply by 10." if length_mm < low else " Is it in µm?"
+        raise ValueError(
+            f"{path}: {what} {length_mm:g} mm, where a pullback of a coronary is {low:g} to"
+            f" {high:g} mm long.{guess}"
+        )
+
+
+def _check_table(
+    path: pathlib.Path, lumen: Lumen, z_mm: dict[int, float], positions_mm: list[float]
+) -> None:
+    """Refuse a frame table whose lengths or areas are not those of the contours."""
+    span, height = float(np.ptp(positions_mm)), float(np.ptp(list(z_mm.values())))
+    if not height / _LENGTHS_APART <= span <= height * _LENGTHS_APART:
+        guess = "Is the table in cm? Then multiply position and measurement_1 by 10"
+        if span > height:
+            guess = "Is it in µm, or are the contours in cm"
+        raise ValueError(
+            f"{path}: positions span {span:g} mm, z of the contours {height:g} mm."
+            f" {guess}; or take the frame table of the same pullback."
+        )
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        stated = {int(float(r["frame"])): r.get("lumen_area") or "" for r in csv.DictReader(file)}
+    along = [number for _, number in sorted(zip(positions_mm, z_mm, strict=True))]
+    own = dict(zip(along, (np.asarray(lumen.area) / MM**2).tolist(), strict=True))
+    ratios = [float(text) / own[n] for n, text in stated.items() if n in own and _is_number(text)]
+    middle = float(np.median(ratios)) if ratios else 1.0
+    if not 1.0 / _AREAS_APART <= middle <= _AREAS_APART:
+        raise ValueError(
+            f"{path}: lumen_area is {middle:.2g} times that of the contours. Is it in cm² (the"
+            " table is to be in mm and mm²)? Or take the frame table of the same pullback."
+        )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return float(text) > 0.0
+    except ValueError:
+        return False
+
+
+def _check_reference(
+    path: pathlib.Path, number: int, offset_cm: Float[np.ndarray, " 2"], slip_mm: float
+) -> None:
+    """Refuse a reference point that cannot lie in the aortic wall beside its frame."""
+    distance = float(np.hypot(*offset_cm)) / MM
+    if distance > _REFERENCE_REACH_MM:
+        raise ValueError(
+            f"{path}: the reference point lies {distance:.3g} mm from the middle of frame"
+            f" {number}. Give a point in the wall of the aorta beside the frame, in mm."
+        )
+    if abs(slip_mm) > _REFERENCE_SLIP_MM:
+        raise ValueError(
+            f"{path}: the reference point lies {abs(slip_mm):.3g} mm along the pullback from its"
+            f" frame {number}. Is it in cm? Give x, y and z in mm, with the z of the frame."
+        )
+
+
 def _thicknesses(path: pathlib.Path) -> tuple[dict[int, float], dict[int, float]]:
     """Position and tissue thickness [mm] of each frame of the table."""
     position: dict[int, float] = {}
@@ -168,23 +247,32 @@ def _thicknesses(path: pathlib.Path) -> tuple[dict[int, float], dict[int, float]
             f"{path}: {'; '.join(faults)}. The tissue between aorta and lumen must be a number"
             f" within {low:g}..{high:g} mm, or empty."
         )
+    measured = [value for value in thickness.values() if np.isfinite(value)]
+    if measured and np.median(measured) < _USUAL_THICKNESS_MM:
+        raise ValueError(
+            f"{path}: {_THICKNESS_COLUMN} is {np.median(measured):g} mm in the middle; tissue"
+            " between two lumens is thicker. Is it in cm? Then multiply by 10."
+        )
     return position, thickness
 
 
 def _reference_point(
     path: pathlib.Path, numbers: Int[np.ndarray, " frames"]
-) -> tuple[int, Float[np.ndarray, " 2"]]:
+) -> tuple[int, Float[np.ndarray, " 2"], float]:
+    """Frame, point [cm] and height z [mm]."""
     rows = _rows(path, "\t")
     hint = "Expected one line: frame number, x, y, z in mm, separated by tabs."
     if len(rows) != 1 or len(rows[0]) != 4:
         raise ValueError(f"{path}: {len(rows)} lines instead of one reference point. {hint}")
     try:
-        number, x, y, _ = (float(field) for field in rows[0])
+        number, x, y, z = (float(field) for field in rows[0])
     except ValueError as error:
         raise ValueError(f"{path}: {rows[0]} is not four numbers. {hint}") from error
+    if not np.all(np.isfinite([number, x, y, z])):
+        raise ValueError(f"{path}: {rows[0]} is not four finite numbers. {hint}")
     if number not in numbers:
         raise ValueError(
             f"{path}: frame {number:g} is not among the contours."
             " Use the reference point of the same pullback."
         )
-    return int(number), np.array([x, y]) * MM
+    return int(number), np.array([x, y]) * MM, z

@@ -19,6 +19,9 @@ from jaxfsi.anatomy.pullback import polygon_areas
 from study import demo_case_path
 
 BUNDLED = demo_case_path().parent
+CONTOURS = BUNDLED / "rest_diastole_contours.csv"
+FRAME_TABLE = BUNDLED / "rest_frames.csv"
+REFERENCE = BUNDLED / "rest_diastole_reference.csv"
 STATES = [(drug, phase) for drug in ("rest", "stress") for phase in ("diastolic", "systolic")]
 STEP = 0.01
 HALF = 0.36
@@ -225,3 +228,70 @@ def test_unknown_septum_is_refused():
         bundled(septum=9.6)
     anatomy = bundled(frame_table=None, septum=0.1)
     assert anatomy.meta["aortic_side_known"] is False
+
+
+def _copy(tmp_path, name, change):
+    """A file of the bundled patient with its rows changed."""
+    lines = (BUNDLED / name).read_text(encoding="utf-8-sig").splitlines()
+    path = tmp_path / name
+    path.write_text("\n".join(change(lines)) + "\n")
+    return path
+
+
+def _columns_scaled(columns, factor):
+    def change(lines):
+        header = lines[0].split(",")
+        places = [header.index(column) for column in columns]
+        rows = [line.split(",") for line in lines[1:]]
+        for row in rows:
+            for place in places:
+                if row[place]:
+                    row[place] = f"{float(row[place]) * factor:g}"
+        return [lines[0], *(",".join(row) for row in rows)]
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (("position", "measurement_1"), r"measurement_1 is .* Is it in cm\?"),
+        (("position",), r"positions span .* Is the table in cm\?"),
+        (("measurement_1",), r"measurement_1 is .* Is it in cm\?"),
+    ],
+)
+def test_frame_table_in_cm_is_asked_about(columns, words, tmp_path):
+    table = _copy(tmp_path, FRAME_TABLE.name, _columns_scaled(columns, 0.1))
+    with pytest.raises(ValueError, match=f"^{table}: .*{words}"):
+        read_pullback(CONTOURS, frame_table=table, reference=REFERENCE)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        (1, "nan", "not four finite numbers"),
+        (2, "1e300", "from the middle of frame"),
+        (3, "inf", "not four finite numbers"),
+        (1, "300", "from the middle of frame"),
+        (3, "2.45", r"along the pullback.*Is it in cm\?"),
+    ],
+)
+def test_reference_point_elsewhere_is_refused(place, value, words, tmp_path):
+    def change(lines):
+        fields = lines[0].split("\t")
+        fields[place] = value
+        return ["\t".join(fields)]
+
+    point = _copy(tmp_path, REFERENCE.name, change)
+    with pytest.raises(ValueError, match=f"^{point}: .*{words}"):
+        read_pullback(CONTOURS, frame_table=FRAME_TABLE, reference=point)
+
+
+def test_contours_with_heights_in_cm_are_asked_about(tmp_path):
+    def change(lines):
+        rows = [line.split("\t") for line in lines]
+        return ["\t".join([*row[:3], f"{0.1 * float(row[3]):.9g}"]) for row in rows]
+
+    contours = _copy(tmp_path, CONTOURS.name, change)
+    with pytest.raises(ValueError, match=f"^{contours}: z spans .*Is it in cm"):
+        read_pullback(contours)

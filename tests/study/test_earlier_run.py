@@ -214,6 +214,7 @@ n_steps = 64
 """
 
 
+@pytest.mark.slow
 def test_calibration_of_another_case_sets_the_first_aside(tmp_path, command):
     for ffr in (0.91, 0.93):
         (tmp_path / f"{ffr}.toml").write_text(CASE.format(ffr=ffr))

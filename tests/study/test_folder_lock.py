@@ -137,7 +137,9 @@ def test_file_that_a_killed_process_left_is_replaced(tmp_path, monkeypatch, stal
     assert not (tmp_path / HOLDER_FILE).exists()
 
 
-@pytest.mark.parametrize("left", [_holder(host="elsewhere"), "", "[1]", "{"])
+@pytest.mark.parametrize(
+    "left", [_holder(host="elsewhere"), "", "[1]", "{"], ids=["elsewhere", "empty", "list", "cut"]
+)
 def test_file_that_cannot_be_judged_from_here_is_respected(tmp_path, monkeypatch, left):
     (tmp_path / HOLDER_FILE).write_text(left)
     _failing(monkeypatch, errno.ENOLCK)

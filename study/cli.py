@@ -16,6 +16,10 @@ from typing import Any
 
 INTERRUPTED = 130
 
+LOG_LEVEL = "TF_CPP_MIN_LOG_LEVEL"
+"""Environment variable that XLA reads when it is loaded: below which severity it logs nothing."""
+_FATAL_ALONE = "3"
+
 _SAME_SECONDS = 1.0
 _AGAIN_SECONDS = 0.05
 _SIGNALS = tuple(
@@ -32,6 +36,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         The exit status.
     """
+    # XLA logs its alarms ("Very slow compile?") as errors; what fails is raised besides.
+    if not os.environ.get("JAXFSI_TRACEBACK"):
+        os.environ.setdefault(LOG_LEVEL, _FATAL_ALONE)
     with Signals(alone=argv is None) as signals:
         try:
             return importlib.import_module("study.commands").run(argv, signals)

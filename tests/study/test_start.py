@@ -115,3 +115,36 @@ sys.exit(cli.main())
 def test_interrupt_that_python_drops_in_a_callback_is_raised_again():
     found = _python(_DROPPED)
     assert (found.returncode, found.stderr) == (130, "")
+
+
+def test_command_lets_xla_log_nothing_but_what_ends_it(monkeypatch):
+    monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
+    program = "import os, study.cli; study.cli.main(['template']); print(os.environ)"
+    assert "'TF_CPP_MIN_LOG_LEVEL': '3'" in _python(program).stdout
+    monkeypatch.setenv("TF_CPP_MIN_LOG_LEVEL", "0")
+    assert "'TF_CPP_MIN_LOG_LEVEL': '0'" in _python(program).stdout
+
+
+_ALARMING = """
+import study.cli
+study.cli.main(["template"])
+import jax, numpy as np
+values = np.arange(1500.0)
+n = len(values)
+window = lambda: jax.lax.reduce_window(
+    jax.numpy.asarray(values), 0.0, jax.lax.add, (n,), (1,), "SAME"
+)
+jax.jit(window).lower().compile()
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("level", [None, "2"])
+def test_alarm_of_a_slow_compilation_reaches_no_terminal(level, monkeypatch):
+    """A constant that takes seconds to fold makes XLA log the alarm that slow compilations do."""
+    monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
+    if level:
+        monkeypatch.setenv("TF_CPP_MIN_LOG_LEVEL", level)
+    ended = _python(_ALARMING)
+    assert ended.returncode == 0, ended.stderr
+    assert ("slow_operation_alarm" in ended.stderr) == (level is not None)

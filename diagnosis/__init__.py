@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from diagnosis.measured import SCALARS, SENSORS, Measured
     from diagnosis.record import (
         RICHNESS,
+        Folding,
         Noise,
         Record,
         RecordedCondition,

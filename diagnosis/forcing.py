@@ -45,7 +45,7 @@ from diagnosis.hypothesis import (
     log_prior_of_sizes,
     one_sided_unknowns,
 )
-from diagnosis.measured import Measured, data_of, weights
+from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import Situation, as_data, selection, situations
 
 AMPLITUDES_MMHG = (0.5, 1.5, 4.0, 10.0)
@@ -85,7 +85,7 @@ def forcing_evidence(
     """
     sided = one_sided_unknowns(measured, numbers, pair)
     beat = beat_under(effects, numbers, pair, nonlinear=nonlinear)
-    W, data, cases = weights(measured), data_of(measured), situations(measured)
+    W, data, cases = whitener_of(measured), data_of(measured), situations(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     form = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
     none = jnp.zeros(circuit.HARMONICS - HARMONICS)
@@ -101,15 +101,15 @@ def forcing_evidence(
     def about(x: Array, place: Array) -> tuple[Array, Array]:
         """Evidences, and the mean with the likeliest of the forcings."""
         slopes = by_condition(
-            lambda W, case, own: W * shown(case, own, place, zero), W, cases, chooser
+            lambda W, case, own: W(shown(case, own, place, zero)), W, cases, chooser
         )
         value, J = slopes(x)
 
-        def response(W: Array, case: Situation, own: Array) -> Array:
-            return W[:, None] * jax.jacfwd(shown, argnums=3)(case, own, place, zero)
+        def response(W: Whitener, case: Situation, own: Array) -> Array:
+            return W.columns(jax.jacfwd(shown, argnums=3)(case, own, place, zero))
 
         F = jax.vmap(response)(W, cases, chooser @ x)
-        e = W * data - value + J @ x
+        e = W(data) - value + J @ x
         log_Z, means = forcing_mixture(form, F, J, e, pair, sided)
         mean = means[jnp.argmax(log_Z)]
         return log_Z, jnp.where(sided > 0.5, jnp.maximum(mean, 0.0), mean)

@@ -28,7 +28,7 @@ from diagnosis.evidence import (
     posterior,
     smooth_scale,
 )
-from diagnosis.measured import Measured, correlation, data_of, weights
+from diagnosis.measured import Measured, Whitener, correlation, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
     Situation,
@@ -125,17 +125,18 @@ def fit_hypothesis(
         nonlinear: whether any of the two makes the ostium nonlinear (static).
     """
     k = n_unknowns(measured)
-    W, data, cases = weights(measured), data_of(measured), situations(measured)
+    W, data, cases = whitener_of(measured), data_of(measured), situations(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     beat = beat_under(effects, numbers, pair, held, nonlinear=nonlinear)
 
-    def whitened(W: Array, case: Situation, own: Array) -> Array:
-        return W * as_data(beat(case, own), measured.n_sensors)
+    def whitened(W: Whitener, case: Situation, own: Array) -> Array:
+        return W(as_data(beat(case, own), measured.n_sensors))
 
     slopes = by_condition(whitened, W, cases, chooser)
 
-    optimum, value, _ = descend(slopes, W * data, start)
-    cost = jnp.sum((W * data - value) ** 2) + jnp.sum(optimum**2)
+    observed = W(data)
+    optimum, value, _ = descend(slopes, observed, start)
+    cost = jnp.sum((observed - value) ** 2) + jnp.sum(optimum**2)
     sided = one_sided_unknowns(measured, numbers, pair)
 
     def about(x: Array) -> tuple[Array, Whitened]:
@@ -143,7 +144,7 @@ def fit_hypothesis(
         # below zero a one-sided size has levelled off and lost its slope: look from zero
         inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
         value, J = slopes(inside)
-        return inside, Whitened(W * data - value + J @ inside, J)
+        return inside, Whitened(observed - value + J @ inside, J)
 
     def freedom(x: Array) -> Array:
         return form_uncertainty(measured, effects, numbers, pair, x, held, nonlinear=nonlinear)
@@ -266,18 +267,18 @@ def form_uncertainty(
         power += (tolerance * (waves - jax.vmap(as_waves)(without))) ** 2
         change = scalars - jax.vmap(lambda b: as_data(b, n)[-4:])(without)
         scalar_power += (tolerance * change) ** 2
-    return _form_columns(weights(measured), power, scalar_power, n)
+    return _form_columns(whitener_of(measured), power, scalar_power, n)
 
 
 def by_condition(
-    whitened: Callable[[Array, Situation, Array], Array],
-    W: Array,
+    whitened: Callable[[Whitener, Situation, Array], Array],
+    W: Whitener,
     cases: Situation,
     chooser: Float[Array, "c o k"],
 ) -> Callable[[Array], tuple[Array, Array]]:
     """Values of all conditions with their derivatives by all unknowns, as a function of those."""
 
-    def one(W: Array, case: Situation, own: Array) -> tuple[Array, Array]:
+    def one(W: Whitener, case: Situation, own: Array) -> tuple[Array, Array]:
         def with_value(own: Array) -> tuple[Array, Array]:
             value = whitened(W, case, own)
             return value, value
@@ -293,7 +294,7 @@ def by_condition(
 
 
 def _form_columns(
-    W: Float[Array, "c d"],
+    W: Whitener,
     power: Float[Array, "c 3 n"],
     scalar_power: Float[Array, "c 4"],
     n_sensors: int,
@@ -314,10 +315,10 @@ def _form_columns(
     envelope = jnp.sqrt(power @ near.T)
     C, m = power.shape[0], basis.shape[1]
     rows = TO_SAMPLES.shape[1]
-    F = jnp.zeros((C, W.shape[1], n_sensors * m + 4))
+    F = jnp.zeros((C, W.weight.shape[1], n_sensors * m + 4))
     for s in range(n_sensors):
         block = jnp.einsum("qn,cn,nm->cqm", jnp.asarray(FROM_SAMPLES), envelope[:, s], basis)
         F = F.at[:, s * rows : (s + 1) * rows, s * m : (s + 1) * m].set(block)
     own = jax.vmap(jnp.diag)(jnp.sqrt(scalar_power))
     F = F.at[:, n_sensors * rows :, n_sensors * m :].set(own)
-    return W[..., None] * F
+    return W.columns(F)

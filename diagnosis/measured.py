@@ -10,14 +10,24 @@ the harmonics of k(Δ), the real and imaginary parts of harmonic k have the vari
 
     2 sd² (w/n + (1 − w) κ_k),      the mean has  sd² (w/n + (1 − w) κ_0) + offset²,
 
-and harmonics from n/2 on were not measured.
+and harmonics from n/2 on were not measured. Where beats were folded, what their scatter says stands
+in place of sd² (…), see `scatter`.
+
+What moves all sensors and harmonics together, as the level or the form of single beats or an error
+of the start of ejection does, is not independent. It has columns U of data, and with z = y/sd, V =
+U/sd,
+
+    noise of z ~ N(0, I + V Vᵀ),     whitened data = (I + V Vᵀ)^−½ z = z − V A (Vᵀ z),
+    A = Q h(Λ) Qᵀ,   VᵀV = Q Λ Qᵀ,   h(λ) = (1 − 1/√(1 + λ))/λ.
 """
+
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES
 
@@ -44,7 +54,7 @@ class Measured(eqx.Module):
         waves: mean beat of each sensor, in the order of `SENSORS`; no sensors where no waveforms
             were measured, two without flow.
         wave_sd: standard deviation of its noise a sample; infinite where not measured.
-        wave_samples: samples a beat that were measured.
+        wave_samples: independent samples a beat.
         wave_offset_sd: of its slow offset.
         white_share: of the noise variance [-].
         scalars, scalar_sd: means and ratios in the order of `SCALARS`; sd infinite where absent.
@@ -53,6 +63,11 @@ class Measured(eqx.Module):
         P_sd: of the recorded systolic and diastolic pressures [mmHg].
         K, L: quadratic loss and inertance of the ostium that are known with R0 [mmHg·s²/mL²,
             mmHg·s²/mL]; None where only R0 is.
+        wave_power: variance of the harmonics' real parts over 2 [mmHg², (mL/s)²], the mean first
+        and
+            without the offset; infinite where not measured, NaN where the noise above holds. None
+            where it holds for all.
+        modes: columns U of what moves the data of a condition together [their unit]; None for none.
     """
 
     period: Float[Array, "*b c"]
@@ -75,6 +90,8 @@ class Measured(eqx.Module):
     P_sd: Float[Array, "*b"]
     K: Float[Array, "*b"] | None = None
     L: Float[Array, "*b"] | None = None
+    wave_power: Float[Array, "*b c s f"] | None = None
+    modes: Float[Array, "*b c d r"] | None = None
 
     @property
     def n_conditions(self) -> int:
@@ -98,23 +115,31 @@ def noise_correlation() -> np.ndarray:
     return np.mean([correlation(length)[0] for length in NOISE_LENGTHS], axis=0)
 
 
-def noise_sd(
-    sd: Float[Array, ""],
-    offset_sd: Float[Array, ""],
-    n_samples: Float[Array, ""],
-    white_share: Float[Array, ""],
-) -> Float[Array, " m"]:
-    """Standard deviations of a trace's real coefficients; infinite where not measured."""
+def noise_power(
+    sd: Float[ArrayLike, ""], n_samples: Float[ArrayLike, ""], white_share: Float[ArrayLike, ""]
+) -> Float[Array, " f"]:
+    """Variance of a trace's harmonics over 2, the mean first and without offset; see above.
+
+    It is infinite where not measured.
+    """
     spectrum = np.fft.rfft(noise_correlation()).real[: HARMONICS + 1] / SAMPLES
-    smooth = (1.0 - white_share) * jnp.asarray(spectrum)
-    power = sd**2 * (white_share / n_samples + smooth)
-    seen = jnp.arange(1, HARMONICS + 1).astype(float) < 0.5 * n_samples
-    high = jnp.where(seen, 2.0 * power[1:], jnp.inf)
-    return jnp.sqrt(jnp.concatenate([power[:1] + offset_sd**2, high, high]))
+    power = sd**2 * (white_share / n_samples + (1.0 - white_share) * jnp.asarray(spectrum))
+    seen = jnp.arange(HARMONICS + 1).astype(float) < 0.5 * n_samples
+    return jnp.where(seen, power, jnp.inf)
+
+
+def _own_power(measured: Measured, present: Bool[Array, "c s"]) -> Float[Array, "c s f"]:
+    sd = jnp.where(present, measured.wave_sd, 1.0)
+    n = jnp.where(present, measured.wave_samples, 1.0)
+    each = jax.vmap(jax.vmap(noise_power, (0, 0, None)), (0, 0, None))
+    power = each(sd, n, measured.white_share)
+    if measured.wave_power is None:
+        return power
+    return jnp.where(jnp.isnan(measured.wave_power), power, measured.wave_power)
 
 
 def weights(measured: Measured) -> Float[Array, "c d"]:
-    """1/sd of everything a record may hold, 0 where it was not measured.
+    """1/sd of everything a record may hold, 0 where it was not measured, without `modes`.
 
     By condition: coefficients of each trace, then the scalars. Of a held-out condition only the
     aortic pressure counts.
@@ -123,20 +148,68 @@ def weights(measured: Measured) -> Float[Array, "c d"]:
     aortic = jnp.asarray(np.array([float(name == "P_aorta") for name in names]))
     allowed = 1.0 - measured.held_out[:, None] * (1.0 - aortic)[None, :]
     present = jnp.isfinite(measured.wave_sd) & (allowed > 0.5)
-    sd = jnp.where(present, measured.wave_sd, 1.0)
-    offset = jnp.where(present, measured.wave_offset_sd, 0.0)
-    n = jnp.where(present, measured.wave_samples, 1.0)
-    each = jax.vmap(jax.vmap(noise_sd, (0, 0, 0, None)), (0, 0, 0, None))
     C = measured.period.shape[0]
     waves = jnp.zeros((C, 0))
     if names:
-        own = 1.0 / each(sd, offset, n, measured.white_share)
-        waves = jnp.where(present[..., None], own, 0.0).reshape(C, -1)
+        offset = jnp.where(present, measured.wave_offset_sd, 0.0)
+        power = _own_power(measured, present)
+        variance = jnp.concatenate(
+            [power[..., :1] + offset[..., None] ** 2, 2.0 * power[..., 1:], 2.0 * power[..., 1:]],
+            axis=-1,
+        )
+        waves = jnp.where(present[..., None], 1.0 / jnp.sqrt(variance), 0.0).reshape(C, -1)
     of_aorta = jnp.asarray(np.array([1.0, 0.0, 0.0, 0.0]))
     allowed = 1.0 - measured.held_out[:, None] * (1.0 - of_aorta)[None, :]
     known = jnp.isfinite(measured.scalar_sd) & (allowed > 0.5)
     scalars = jnp.where(known, 1.0 / jnp.where(known, measured.scalar_sd, 1.0), 0.0)
     return jnp.concatenate([waves, scalars], axis=1)
+
+
+class Whitener(NamedTuple):
+    """What turns data and predictions of a condition into units of independent noise.
+
+    Attributes:
+        weight: 1/sd of each datum, 0 where it was not measured.
+        modes: columns V; None where nothing moves data together.
+        lessened: A.
+    """
+
+    weight: Float[Array, "*c d"]
+    modes: Float[Array, "*c d r"] | None = None
+    lessened: Float[Array, "*c r r"] | None = None
+
+    def __call__(self, y: Float[Array, "*c d"]) -> Float[Array, "*c d"]:
+        """Whitened data of one condition, or of all of them at once."""
+        z = self.weight * y
+        if self.modes is None:
+            return z
+        along = jnp.einsum("...dr,...d->...r", self.modes, z)
+        along = jnp.einsum("...rq,...q->...r", self.lessened, along)
+        return z - jnp.einsum("...dr,...r->...d", self.modes, along)
+
+    def columns(self, F: Float[Array, "*c d m"]) -> Float[Array, "*c d m"]:
+        """Whitened columns of one condition, or of all."""
+        z = self.weight[..., None] * F
+        if self.modes is None:
+            return z
+        along = jnp.einsum("...dr,...dm->...rm", self.modes, z)
+        along = jnp.einsum("...rq,...qm->...rm", self.lessened, along)
+        return z - jnp.einsum("...dr,...rm->...dm", self.modes, along)
+
+
+def whitener_of(measured: Measured) -> Whitener:
+    """What whitens the data of every condition of a record."""
+    weight = weights(measured)
+    if measured.modes is None:
+        return Whitener(weight)
+    V = weight[..., None] * measured.modes
+    value, Q = jnp.linalg.eigh(jnp.einsum("cdr,cdq->crq", V, V))
+    value = jnp.maximum(value, 0.0)
+    # h tends to a half where a mode is far below the noise
+    small = value < 1e-6
+    h = (1.0 - 1.0 / jnp.sqrt(1.0 + value)) / jnp.where(small, 1.0, value)
+    h = jnp.where(small, 0.5, h)
+    return Whitener(weight, V, jnp.einsum("crk,ck,cqk->crq", Q, h, Q))
 
 
 def data_of(measured: Measured) -> Float[Array, "c d"]:

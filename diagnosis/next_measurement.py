@@ -227,5 +227,7 @@ def _with_sensors(record: Measured, sensors: str, sd: float) -> Measured:
         "wave_offset_sd": jnp.asarray(offset),
         "scalars": jnp.zeros((C, 4)),
         "scalar_sd": jnp.asarray(scalar_sd),
+        "wave_power": None,
+        "modes": None,
     }
     return Measured(**fields)

@@ -7,7 +7,8 @@ is estimated from their scatter: with d the beats less their mean and less each 
     sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
 
 The mean beat has sd/√b. The slow offset is the scatter of the beats' means, at least
-`OFFSET_SD_MMHG`: what stays the same over all beats cannot be seen in them.
+`OFFSET_SD_MMHG`: what stays the same over all beats cannot be seen in them. Where beats were
+folded, `scatter` says more: the power of every harmonic, and what sensors and harmonics share.
 """
 
 import dataclasses
@@ -17,22 +18,34 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diagnosis.circuit import SAMPLES
+from diagnosis.circuit import HARMONICS, SAMPLES
 from diagnosis.measured import (
     OFFSET_SD_MMHG,
     SENSORS,
     WHITE_SHARE,
     Measured,
     noise_correlation,
+    noise_power,
 )
 from diagnosis.prediction import P_SD_MMHG, R0_PRIOR, R0_SD_LOG
 from diagnosis.richness import RICHNESS
+from diagnosis.scatter import FEWEST_BEATS, FORM_SD_MMHG, FORMS, folded_noise
 
 PRESSURE_SD_MMHG, FLOW_RELATIVE_SD, FFR_SD = 1.0, 0.05, 0.01
 """Noise where the record neither states it nor has beats to estimate it from."""
 
-FEWEST_BEATS = 3
-"""Beats from which noise is estimated."""
+
+@dataclasses.dataclass(frozen=True)
+class Folding:
+    """How beats of a recording were laid over each other, where its clock does not divide them.
+
+    Attributes:
+        samples: independent samples a beat that the noise of its harmonics stands for.
+        start_sd: standard deviation of the start of ejection, a delay of all sensors [beats].
+    """
+
+    samples: float
+    start_sd: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,6 +63,8 @@ class RecordedCondition:
         ffr: ratio of the means [-], if known.
         mean_Q: mean coronary flow [mL/s], if known.
         beats: recorded beats of each sensor of `SENSORS`, beats × samples [mmHg, mL/s].
+        folding: how the beats were folded; their samples then carry all harmonics that were
+            measured. None where sampling divides the beat.
     """
 
     name: str
@@ -64,6 +79,7 @@ class RecordedCondition:
     ffr: float | None = None
     mean_Q: float | None = None
     beats: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    folding: Folding | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -166,6 +182,7 @@ def measured(record: Record, richness: str | None = None) -> Measured:
     flow_sd = FLOW_RELATIVE_SD if record.flow_relative_sd is None else record.flow_relative_sd
     ffr_sd = FFR_SD if record.ffr_sd is None else record.ffr_sd
     waves, wave_sd, offset_sd, count = _waves(record, level, noise, flow_sd)
+    power, modes = _folded(record, noise, waves, wave_sd, count)
     C = len(record.conditions)
     scalars, sd = np.zeros((C, 4)), np.full((C, 4), np.inf)
     mean_sd = np.hypot(noise.pressure_sd, noise.offset_sd)
@@ -213,6 +230,8 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         P_sd=jnp.asarray(P_SD_MMHG),
         K=None if record.K is None else jnp.asarray(float(record.K)),
         L=None if record.L is None else jnp.asarray(float(record.L)),
+        wave_power=None if power is None else jnp.asarray(power),
+        modes=None if modes is None else jnp.asarray(modes),
     )
 
 
@@ -238,19 +257,65 @@ def _waves(
             if beats is None:
                 continue
             waves[c, s] = resampled(beats.mean(axis=0))
-            count[c, s] = beats.shape[1]
+            count[c, s] = beats.shape[1] if condition.folding is None else condition.folding.samples
             scale = flow_sd * max(float(np.abs(waves[c, s]).mean()), 0.05)
             sd[c, s] = scale if name == "Q" else noise.pressure_sd
             offset[c, s] = scale if name == "Q" else noise.offset_sd
     return waves, sd, offset, count
 
 
+def _folded(
+    record: Record, noise: Noise, waves: np.ndarray, wave_sd: np.ndarray, count: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Powers and modes of conditions whose beats were folded; None where none were."""
+    C, S = wave_sd.shape
+    if S == 0 or all(c.folding is None for c in record.conditions):
+        return None, None
+    power = np.full((C, S, HARMONICS + 1), np.nan)
+    modes = np.zeros((C, S, 2 * HARMONICS + 1, S * FORMS + 1))
+    for c, condition in enumerate(record.conditions):
+        present = [s for s in range(S) if np.isfinite(wave_sd[c, s])]
+        if condition.folding is None or not present:
+            continue
+        names = [SENSORS[s] for s in present]
+        parametric = {
+            SENSORS[s]: np.asarray(noise_power(wave_sd[c, s], count[c, s], noise.white_share))
+            for s in present
+        }
+        found = folded_noise(
+            {name: condition.beats[name] for name in names},
+            dict(zip(names, waves[c, present], strict=True)),
+            parametric,
+            np.asarray(noise_power(FORM_SD_MMHG, count[c, present[0]], WHITE_SHARE)),
+            condition.folding.start_sd,
+            estimate=noise.origin == "estimated",
+        )
+        power[c, present] = found.power
+        modes[c, present, :, : found.modes.shape[-1]] = found.modes
+    # scalars are not measured where traces are
+    modes = np.concatenate(
+        [modes.reshape(C, -1, modes.shape[-1]), np.zeros((C, 4, modes.shape[-1]))], 1
+    )
+    return power, modes
+
+
 def stacked(records: Sequence[Measured]) -> Measured:
-    """Records of one shape as a batch; where some know K or L, it is zero for the others."""
-    for name in ("K", "L"):
+    """Records of one shape as a batch.
+
+    Where some know K or L, it is zero for the others; where the beats of some were folded, the
+    others keep the noise that they have.
+    """
+    C, S = records[0].n_conditions, records[0].n_sensors
+    blank = {
+        "K": np.zeros(()),
+        "L": np.zeros(()),
+        "wave_power": np.full((C, S, HARMONICS + 1), np.nan),
+        "modes": np.zeros((C, S * (2 * HARMONICS + 1) + 4, S * FORMS + 1)),
+    }
+    for name, none in blank.items():
         if any(getattr(one, name) is not None for one in records):
             records = [
-                dataclasses.replace(one, **{name: jnp.zeros(())})
+                dataclasses.replace(one, **{name: jnp.asarray(none)})
                 if getattr(one, name) is None
                 else one
                 for one in records

@@ -11,7 +11,7 @@ from diagnosis.effects import Effect
 from diagnosis.elimination import solve_definite
 from diagnosis.evidence import Whitened, log_moment
 from diagnosis.hypothesis import Catalogue, by_condition
-from diagnosis.measured import Measured, data_of, weights
+from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import OWN, Situation, as_data, n_unknowns, predict, selection, situations
 
 
@@ -43,16 +43,16 @@ def linearise(
         x: optimum of the base model's unknowns (further ones are ignored).
         sizes: size of every effect there [its unit].
     """
-    W, cases = weights(measured), situations(measured)
+    W, cases = whitener_of(measured), situations(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, len(effects)))
     joined = jnp.concatenate([x[: n_unknowns(measured)], sizes])
 
-    def whitened(W: Array, case: Situation, own: Array) -> Array:
-        return W * as_data(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors)
+    def whitened(W: Whitener, case: Situation, own: Array) -> Array:
+        return W(as_data(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors))
 
     value, J = by_condition(whitened, W, cases, chooser)(joined)
     k = n_unknowns(measured)
-    residual = W * data_of(measured) - value
+    residual = W(data_of(measured)) - value
     linear = Whitened(residual + J[..., :k] @ x[:k], J[..., :k])
     return Linearised(linear, J[..., k:] * numbers.sd[None, None])
 

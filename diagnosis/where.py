@@ -25,7 +25,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PLACES
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import Fitted, numbers_of
-from diagnosis.measured import SENSORS, Measured, data_of, weights
+from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
 from diagnosis.scan import linearise
 from diagnosis.verdict import Hypothesis
 
@@ -184,8 +184,7 @@ def rest_map(record: Measured) -> Map | None:
     ratio = means[:, 1] / means[:, 0]
     scalars = np.stack([means[:, 0], means[:, 1], ratio, means[:, 2]], axis=1)
     shown = np.concatenate([coefficients.reshape(waves.shape[0], -1), scalars], axis=1)
-    W = np.asarray(weights(record))
-    return misfit_map(record, W * (np.asarray(data_of(record)) - shown))
+    return misfit_map(record, np.asarray(whitener_of(record)(data_of(record) - shown)))
 
 
 def forcing_shares(diagnosis: Diagnosis, beside: Hypothesis = ()) -> dict[str, float]:

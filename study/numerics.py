@@ -73,7 +73,8 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "calibration": ("calibration/*",),
     "diagnosis": (
-        "diagnosis/*", "study/diagnosis_in_3d.py", "study/diagnosis_run.py", "study/record_*",
+        "diagnosis/*", "study/diagnosis_in_3d.py", "study/diagnosis_run.py", "study/folding.py",
+        "study/onsets.py", "study/record_*",
     ),
     "case": (
         "study/algorithm.py", "study/algorithm_results.py", "study/anatomy_tables.py",

@@ -1,7 +1,9 @@
 """Recorded beats of a condition, read from a CSV file, with the faults that recordings have.
 
 Columns `time_s`, `P_aorta_mmHg`, `P_distal_mmHg`, `Q_coronary_ml_per_min`; a sensor that was not
-there has no column. Uniform samples of one or several whole beats from the start of ejection on.
+there has no column. A recording of equal whole beats from the start of ejection on, with a whole
+number of uniform samples in each, is cut by index. Any other is folded by time, see `folding`: its
+beats are found in the aortic pressure, and it may begin and end anywhere.
 """
 
 import math
@@ -13,10 +15,18 @@ import numpy as np
 from lumped.units import ML_PER_MIN
 from study.advice import explain_wrong_unit
 from study.faults import Fault, shown
+from study.folding import Folded, Unfoldable, fold
+from study.onsets import find_upstrokes
 from study.schema import Quantity
 
-FEWEST_SAMPLES = 32
+FEWEST_SAMPLES = 16
 """Samples a beat below which its shape is lost."""
+
+WHOLE_BEATS = 0.1
+"""Difference between the file's length and whole beats up to which it is cut by index [steps]."""
+
+UNEVENNESS = 0.2
+"""Shift of a sample up to which times count as uniform [steps]: rounded clock times pass."""
 
 LARGEST_SIZE = 2**26
 """Largest file [bytes]."""
@@ -41,7 +51,7 @@ Refuse = Callable[[object, str, str, str], None]
 
 def read_beats(
     path: pathlib.Path, period: float, P_systolic: float, key: str, faults: list[Fault]
-) -> dict[str, np.ndarray]:
+) -> Folded | None:
     """Read the beats of a condition; faults are added to the list.
 
     Args:
@@ -52,7 +62,7 @@ def read_beats(
         faults: where faults are collected.
 
     Returns:
-        Beats × samples of each sensor [mmHg, mL/s]; empty where the file is at fault.
+        Beats × samples of each sensor [mmHg, mL/s]; None where the file is at fault.
     """
     before = len(faults)
 
@@ -61,20 +71,24 @@ def read_beats(
 
     table = _table(path, refuse)
     if table is None:
-        return {}
-    count = _beats_in(table["time"], period, refuse)
-    if count is None:
-        return {}
-    n = table["time"].size // count
-    beats = {
-        _SENSOR[name]: values[: n * count].reshape(count, n)
-        for name, values in table.items()
-        if name != "time"
-    }
-    _check_traces(beats, P_systolic, refuse)
+        return None
+    t = table.pop("time")
+    if not _ascending(t, refuse):
+        return None
+    traces = {_SENSOR[name]: values for name, values in table.items()}
+    folded = _by_index(t, traces, period)
+    if folded is None:
+        try:
+            folded = fold(t, traces, period, FEWEST_SAMPLES)
+        except Unfoldable as refusal:
+            refuse(*refusal.parts)
+            return None
+    _check_clipping(traces, t, period, refuse)
+    _check_beats(folded.beats, P_systolic, refuse)
+    beats = folded.beats
     if "Q" in beats:
         beats["Q"] = beats["Q"] * ML_PER_MIN
-    return beats if len(faults) == before else {}
+    return folded if len(faults) == before else None
 
 
 def _table(path: pathlib.Path, refuse: Refuse) -> dict[str, np.ndarray] | None:
@@ -126,33 +140,59 @@ def _table(path: pathlib.Path, refuse: Refuse) -> dict[str, np.ndarray] | None:
     return found
 
 
-def _beats_in(t: np.ndarray, period: float, refuse: Refuse) -> int | None:
-    """Number of whole beats; None where times are at fault."""
+def _ascending(t: np.ndarray, refuse: Refuse) -> bool:
+    """Whether there are samples at ascending times."""
     if t.size < FEWEST_SAMPLES:
         refuse(t.size, "too few samples", f"{FEWEST_SAMPLES} a beat", "export at a higher rate")
-        return None
+        return False
+    back = np.flatnonzero(np.diff(t) <= 0.0)
+    if back.size:
+        cure = f"sort the samples by time and remove doubles; look at sample {back[0] + 2}"
+        refuse(float(t[back[0] + 1]), "the times do not increase", "ascending times", cure)
+        return False
+    return True
+
+
+def _by_index(t: np.ndarray, traces: dict[str, np.ndarray], period: float) -> Folded | None:
+    """Beats cut by index; None where they are not equal with a whole number of samples each."""
     dt = (t[-1] - t[0]) / (t.size - 1)
-    if dt <= 0.0 or np.abs(np.diff(t) - dt).max() > 0.4 * dt:
-        cure = f"resample to a uniform step near {abs(dt):.4g} s; look for lost samples"
-        refuse(None, "the times are not uniform and increasing", "uniform times", cure)
+    count = max(round(t.size * dt / period), 1)
+    n = t.size // count
+    drift = abs(t.size * dt - count * period)
+    uneven = float(np.abs(t - t[0] - dt * np.arange(t.size)).max())
+    if (
+        n < FEWEST_SAMPLES
+        or n * count != t.size
+        or abs(t[0]) > 0.5 * dt
+        or drift > WHOLE_BEATS * dt
+        or uneven > UNEVENNESS * dt
+    ):
         return None
-    if abs(t[0]) > 0.5 * dt:
-        cure = f"subtract {t[0]:g} s from all times; t = 0 is the start of ejection"
-        refuse(float(t[0]), "the beats do not start at t = 0", "0 s", cure)
-        return None
-    span = (t.size * dt) / period
-    count = round(span)
-    if count < 1 or abs(span - count) > 0.02 * max(count, 1):
-        cure = "cut the record to whole beats, or correct period_s"
-        refuse(round(span, 3), "the file does not hold whole beats", "a whole number", cure)
-        return None
-    if t.size / count < FEWEST_SAMPLES:
-        refuse(t.size // count, "too few samples a beat", f"{FEWEST_SAMPLES}", "use a higher rate")
-        return None
-    return count
+    if count > 1:
+        found = find_upstrokes(t, traces["P_aorta"], period)
+        if found.at.size == count:
+            late = found.at - period * np.arange(count)
+            if late.std() > max(3.0 * found.sd, 0.3 * dt):
+                return None
+    return Folded({name: wave.reshape(count, n) for name, wave in traces.items()}, period, None)
 
 
-def _check_traces(beats: dict[str, np.ndarray], P_systolic: float, refuse: Refuse) -> None:
+def _check_clipping(
+    traces: dict[str, np.ndarray], t: np.ndarray, period: float, refuse: Refuse
+) -> None:
+    """Refuse pressures that stay at an extreme."""
+    beats = max((t[-1] - t[0]) / period, 1.0)
+    for name, trace in traces.items():
+        for extreme, side in ((trace.max(), "top"), (trace.min(), "bottom")):
+            flat = int(np.sum(np.abs(trace - extreme) < 1e-6 * max(abs(extreme), 1.0)))
+            if name != "Q" and flat > CLIPPED_SHARE * trace.size and flat >= 3 * beats:
+                cure = f"record {name} again with a larger range, or leave the column out"
+                problem = f"{name} is clipped at the {side}"
+                refuse(shown(float(extreme)), problem, "no flat stretch at an extreme", cure)
+
+
+def _check_beats(beats: dict[str, np.ndarray], P_systolic: float, refuse: Refuse) -> None:
+    """Refuse beats that no heart has, or not the stated one."""
     aorta = beats["P_aorta"]
     mean_beat = aorta.mean(axis=0)
     peak = float(mean_beat.max())
@@ -171,12 +211,6 @@ def _check_traces(beats: dict[str, np.ndarray], P_systolic: float, refuse: Refus
         if pulse < 2.0:
             refuse(round(pulse, 2), f"{name} hardly moves", "a pulse above 2 mmHg",
                    "was the sensor connected? leave the column out if not")  # fmt: skip
-        for extreme, side in ((trace.max(), "top"), (trace.min(), "bottom")):
-            flat = float(np.mean(np.abs(trace - extreme) < 1e-6 * max(abs(extreme), 1.0)))
-            if flat > CLIPPED_SHARE and flat * trace.shape[1] >= 3:
-                cure = f"record {name} again with a larger range, or leave the column out"
-                problem = f"{name} is clipped at the {side}"
-                refuse(shown(float(extreme)), problem, "no flat stretch at an extreme", cure)
     distal = beats.get("P_distal")
     if distal is not None and distal.mean() > aorta.mean() + SWAPPED_MMHG:
         cure = "swap the two columns if they were exchanged; else check the zero of both sensors"

@@ -77,17 +77,20 @@ def _spelling(document: dict[str, Any]) -> tuple[str, ...]:
 def _condition(entry: Mapping[str, Any], context: Context) -> dict[str, Any] | None:
     """Parts of a condition; None where one that it needs is missing."""
     values = {name: value for name, value in entry.items() if name not in ("file", "heading")}
-    beats = {}
+    beats: Mapping[str, np.ndarray] = {}
+    folding = None
     key = f"{entry['heading']}.file"
     period, peak = values["period"], values["P_systolic"]
     if entry["file"] is not None and period is not None and peak is not None:
-        beats = read_beats(entry["file"], period, peak, key, context.faults)
+        folded = read_beats(entry["file"], period, peak, key, context.faults)
+        if folded is not None:
+            beats, folding, values["period"] = folded.beats, folded.folding, folded.period
         _check_means(values, beats, entry["heading"], context)
     check_recorded(values, beats, entry["heading"], context)
     needed = ("name", "drug", "period", "P_systolic", "P_diastolic")
     if any(values[name] is None for name in needed):
         return None
-    return {**values, "beats": beats}
+    return {**values, "beats": beats, "folding": folding}
 
 
 def _check_means(

@@ -5,6 +5,7 @@ diagnose  read the record folders alone, write `diagnoses-RICHNESS-NOISE.json` w
 score     open the labels and print every figure of one level, and every miss
 grid      print one table over all levels that were diagnosed, write `grid.md` and `grid.png`
 pool      for every effect, pool the ratios of --count patients who share it
+rates     false alarms and causes named where a clock's rate does not divide the beat
 sample    check probabilities of --count cases by sequential Monte Carlo
 """
 
@@ -21,6 +22,7 @@ from benchmarks.blind.cases import OFFSET_SD_MMHG, TIERS, Cases, seal
 from benchmarks.blind.cohorts import pool_cohorts
 from benchmarks.blind.diagnoses import diagnose_folder
 from benchmarks.blind.grid import grid_figure, grid_table
+from benchmarks.blind.rates import rates_table
 from benchmarks.blind.sample import sample_folder
 from benchmarks.blind.score import Row, load, misses, score
 
@@ -33,7 +35,7 @@ def main() -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = {"make": _make, "diagnose": _diagnose, "score": _score, "grid": _grid,
-                "pool": _pool, "sample": _sample}  # fmt: skip
+                "pool": _pool, "rates": _rates, "sample": _sample}  # fmt: skip
     parser.add_argument("command", choices=tuple(commands))
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--seed", type=int, default=0)
@@ -138,6 +140,12 @@ def _grid(options: argparse.Namespace) -> None:
 
 def _pool(options: argparse.Namespace) -> None:
     print(pool_cohorts(options.folder, options.seed, options.count, options.richness[0]))
+
+
+def _rates(options: argparse.Namespace) -> None:
+    table = rates_table(options.folder, options.seed, options.count)
+    print(table)
+    (options.folder / "rates.md").write_text(table + "\n", encoding="utf-8")
 
 
 def _sample(options: argparse.Namespace) -> None:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.blind.clocked import Clock, recording
 from benchmarks.blind.layers import two_layers
 from benchmarks.blind.sensors import noise, seen
 from benchmarks.blind.truth import OUTSIDE, RANGES, SAMPLED, Lanes, one_layer
@@ -130,7 +131,15 @@ class Cases:
         recorded = [self.lanes[n].reshape(shape[:2]) for n in ("P_systolic", "P_diastolic")]
         self.recorded = [p + 2.0 * self.rng.standard_normal(p.shape) for p in recorded]
 
-    def write(self, folder: pathlib.Path, sd: float, *, beats: int = 1, state: bool = True) -> None:
+    def write(
+        self,
+        folder: pathlib.Path,
+        sd: float,
+        *,
+        beats: int = 1,
+        state: bool = True,
+        clocks: Sequence[Clock] | None = None,
+    ) -> None:
         """Write one record folder a case.
 
         Args:
@@ -138,11 +147,22 @@ class Cases:
             sd: noise of the mean beat [mmHg].
             beats: beats in each file; their mean has noise of that sd.
             state: whether the record states its noise.
+            clocks: how each case is recorded; sd is then the noise of a single sample. By default
+                128 samples divide each beat.
         """
         for k in range(len(self.labels)):
-            self._write(folder / f"case-{k:04d}", k, sd, beats, state)
+            clock = None if clocks is None else clocks[k]
+            self._write(folder / f"case-{k:04d}", k, sd, beats, state, clock)
 
-    def _write(self, folder: pathlib.Path, k: int, sd: float, beats: int, state: bool) -> None:
+    def _write(
+        self,
+        folder: pathlib.Path,
+        k: int,
+        sd: float,
+        beats: int,
+        state: bool,
+        clock: Clock | None,
+    ) -> None:
         C = len(CONDITIONS)
         R0 = self.lanes["R0_prior"][k * C]
         prior = [f"R0_mmHg_s_per_ml = {{ value = {R0:.6g}, sd_log = 0.15 }}"]
@@ -157,7 +177,10 @@ class Cases:
             )
             for c, (name, drug, *_) in enumerate(CONDITIONS)
         ]
-        write_record(folder, prior, settings, self.rng, sd, self.offset, beats=beats, state=state)
+        write_record(
+            folder, prior, settings, self.rng, sd, self.offset,
+            beats=beats, state=state, clock=clock,
+        )  # fmt: skip
 
     def clean(self, k: int) -> np.ndarray:
         """Distal pressure of the held-out condition without noise."""
@@ -193,6 +216,7 @@ def write_record(
     *,
     beats: int = 1,
     state: bool = True,
+    clock: Clock | None = None,
 ) -> None:
     """Add noise to traces and write them as a record.
 
@@ -205,6 +229,7 @@ def write_record(
         offset: slow offset of each pressure trace [mmHg].
         beats: beats in each file; their mean has noise of that sd.
         state: whether the record states its noise.
+        clock: how it is recorded, see `Cases.write`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     lines = [f'id = "{folder.name}"']
@@ -214,12 +239,18 @@ def write_record(
                   "flow_relative_sd = 0.05", "ffr_sd = 0.01"]  # fmt: skip
     lines += ["[prior]", *prior]
     for c, (name, drug, held_out, T, (high, low), traces) in enumerate(settings):
-        noisy = {
-            n: np.tile(traces[n], beats)
-            + noise(rng, (beats, SAMPLED), sd * np.sqrt(beats)).reshape(-1)
-            + offset * rng.standard_normal()
-            for n in ("P_aorta", "P_distal")
-        }
+        pressures = {n: traces[n] for n in ("P_aorta", "P_distal")}
+        if clock is not None:
+            t, noisy = recording(rng, pressures, T, sd, clock)
+            noisy = {n: wave + offset * rng.standard_normal() for n, wave in noisy.items()}
+        else:
+            t = np.arange(beats * SAMPLED) / SAMPLED * T
+            noisy = {
+                n: np.tile(wave, beats)
+                + noise(rng, (beats, SAMPLED), sd * np.sqrt(beats)).reshape(-1)
+                + offset * rng.standard_normal()
+                for n, wave in pressures.items()
+            }
         means = {n: wave.mean() for n, wave in noisy.items()}
         ffr = means["P_distal"] / means["P_aorta"] + 0.01 * rng.standard_normal()
         flow = traces["Q"].mean() * 60.0 * (1.0 + 0.05 * rng.standard_normal())
@@ -231,7 +262,6 @@ def write_record(
             f"mean_P_distal_mmHg = {means['P_distal']:.6g}", f"ffr = {ffr:.5g}",
             f"mean_flow_ml_per_min = {flow:.6g}", f'file = "{name}.csv"',
         ]  # fmt: skip
-        t = np.arange(beats * SAMPLED) / SAMPLED * T
         columns = np.stack([t, noisy["P_aorta"], noisy["P_distal"]], axis=1)
         rows = "\n".join(",".join(f"{v:.7g}" for v in row) for row in columns)
         head = "time_s,P_aorta_mmHg,P_distal_mmHg"

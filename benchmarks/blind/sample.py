@@ -26,7 +26,7 @@ from diagnosis.hypothesis import (
     numbers_of,
     places_of,
 )
-from diagnosis.measured import Measured, data_of, weights
+from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import Situation, as_data, selection, situations
 from diagnosis.verdict import PRIOR, Hypothesis, key_of
 
@@ -54,15 +54,15 @@ def _sampled(
     nonlinear: bool,
 ) -> tuple[Array, Array]:
     """Ln Z of a hypothesis up to `whitener`'s determinant, and the effective number of draws."""
-    W, data, cases = weights(record), data_of(record), situations(record)
+    W, data, cases = whitener_of(record), data_of(record), situations(record)
     chooser = jnp.asarray(selection(record.n_conditions, 2))
     predicted = beat_under(effects, numbers, pair, nonlinear=nonlinear)
 
     def residual(x: Array) -> Array:
         """Residuals in units of noise and form tolerance together."""
 
-        def one(W: Array, data: Array, case: Situation, own: Array, whitener: Array) -> Array:
-            return whitener @ (W * (data - as_data(predicted(case, own), record.n_sensors)))
+        def one(W: Whitener, data: Array, case: Situation, own: Array, whitener: Array) -> Array:
+            return whitener @ W(data - as_data(predicted(case, own), record.n_sensors))
 
         return jax.vmap(one)(W, data, cases, chooser @ x, whitener).reshape(-1)
 

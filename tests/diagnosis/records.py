@@ -1,13 +1,18 @@
 """Synthetic records for the tests of the diagnosis."""
 
+import dataclasses
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.blind.clocked import Clock, recording
 from diagnosis import CATALOGUE, Record, RecordedCondition, measured
 from diagnosis.circuit import SAMPLES
 from diagnosis.measured import correlation
 from diagnosis.prediction import Situation, as_waves, n_unknowns, predict, selection, situations
+from study.folding import Folded, fold
 
 STEP = 2
 SETTINGS = (
@@ -42,15 +47,52 @@ def noise(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
     return np.sqrt(0.5) * (white + smooth @ root.T)
 
 
+def beats_of_model(rng: np.random.Generator, sizes: dict[str, float]) -> np.ndarray:
+    """Traces of the model with effects of some size: conditions × sensors × `SAMPLES`."""
+    blank = measured(settings())
+    x = 0.5 * rng.standard_normal(n_unknowns(blank))
+    own = jnp.asarray(selection(4, 0) @ x)
+    values = jnp.asarray(np.array([sizes.get(name, 0.0) for name in NAMES]))
+    return np.asarray(_waves(situations(blank), own, values))
+
+
+def clocked(
+    sizes: dict[str, float],
+    clock: Clock,
+    *,
+    seed: int = 0,
+    sd: float = 1.0,
+    offset: float = 0.3,
+    read: Callable[..., Folded] = fold,
+) -> tuple[Record, np.ndarray]:
+    """A record of the model as a clock samples it and `study` folds it, and the traces in it."""
+    rng = np.random.default_rng(seed)
+    plain = settings()
+    waves = beats_of_model(rng, sizes)
+    conditions = []
+    for c, condition in enumerate(plain.conditions):
+        pressures = {"P_aorta": waves[c, 0], "P_distal": waves[c, 1]}
+        t, traces = recording(rng, pressures, condition.period, sd, clock)
+        traces = {n: wave + offset * rng.standard_normal() for n, wave in traces.items()}
+        folded = read(t, traces, condition.period, 16)
+        conditions.append(
+            dataclasses.replace(
+                condition,
+                ffr=None,
+                period=folded.period,
+                mean_Q=float(waves[c, 2].mean()),
+                beats=folded.beats,
+                folding=folded.folding,
+            )
+        )
+    return dataclasses.replace(plain, conditions=tuple(conditions), pressure_sd=None), waves
+
+
 def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: float = 0.5) -> Record:
     """A record of the model itself with effects of some size, and noise."""
     rng = np.random.default_rng(seed)
     plain = settings()
-    blank = measured(plain)
-    x = 0.5 * rng.standard_normal(n_unknowns(blank))
-    own = jnp.asarray(selection(4, 0) @ x)
-    values = jnp.asarray(np.array([sizes.get(name, 0.0) for name in NAMES]))
-    waves = np.asarray(_waves(situations(blank), own, values))[..., ::STEP]
+    waves = beats_of_model(rng, sizes)[..., ::STEP]
     n = SAMPLES // STEP
     conditions = []
     for c, condition in enumerate(plain.conditions):

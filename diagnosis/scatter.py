@@ -1,0 +1,235 @@
+"""What the scatter of folded beats says of the noise of their mean.
+
+With r_k the coefficients of all sensors of beat k less their mean, and b of the beats,
+
+    r_k = B a_k + noise,   a_k ~ N(0, Σ),   noise ~ N(0, D),     mean beat: D/b + B Σ Bᵀ/b,
+
+and what folding itself may leave (`FORM_SHARE`, `FORM_SD_MMHG`) besides.
+
+B holds for every sensor what hearts change from beat to beat: level, pulse, and time (all of the
+beat, and its parts against each other as errors of the folding leave them: derivative times 1, cos,
+sin). Σ joins the sensors: aortic and distal pressure of one beat rise together. D is diagonal, one
+power a harmonic, alike in both pressures and smooth along the harmonics. Both follow from
+expectation and maximisation (Dempster, Laird & Rubin 1977; factors with known loadings), with what
+is usual of Σ weighing as `USUAL_WEIGHT` beats, so that three beats are not taken for a law:
+
+    Σ = (Σ_k E[a_k a_kᵀ] + ν₀ Σ₀)/(b − 1 + ν₀ − 2)         (mean of an inverse Wishart distribution)
+
+An error of the start of ejection is one more column, the same delay of all sensors of a condition:
+no effect moves them all, and none can be named for it.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES, TO_SAMPLES
+
+USUAL_WEIGHT = 6.0
+"""ν₀: beats that the usual scatter counts for."""
+
+USUAL_LEVEL_MMHG, USUAL_LEVEL_SHARE = 0.3, 0.01
+"""Usual scatter of a beat's level: of a pressure, and of a flow over its mean."""
+
+USUAL_PULSE, USUAL_TIME = 0.005, 0.003
+"""Usual scatter of a beat's pulse over the mean one, and of its times [beats]."""
+
+OWN_SHARE = 0.1
+"""Share of the usual variance of times that each sensor has for itself."""
+
+FORMS = 5
+"""Columns of B of each sensor."""
+
+FEWEST_BEATS = 3
+"""Beats from which noise is estimated."""
+
+FORM_SHARE = 0.1
+"""Share of the usual variances that no number of beats takes away: errors of the folding itself."""
+
+FORM_SD_MMHG = 0.1
+"""What else folding may leave in the mean beat of a pressure, as noise of its samples; assumed."""
+
+SWEEPS = 40
+"""Steps of expectation and maximisation."""
+
+WIDTH = 0.25
+"""Harmonics on either side over which noise is averaged, one more than this part of their
+number."""
+
+
+def forms(beat: np.ndarray) -> np.ndarray:
+    """Columns of B of one sensor: coefficients × `FORMS`.
+
+    Args:
+        beat: its mean beat on `SAMPLES` samples.
+    """
+    slope = slope_of(beat)
+    angle = 2.0 * np.pi * PHASE
+    columns = [
+        np.ones(SAMPLES),
+        beat - beat.mean(),
+        slope,
+        slope * np.cos(angle),
+        slope * np.sin(angle),
+    ]
+    return FROM_SAMPLES @ np.stack(columns, axis=1)
+
+
+def slope_of(beat: np.ndarray) -> np.ndarray:
+    """Derivative of a beat by its phase, of the harmonics kept [its unit a beat]."""
+    q = FROM_SAMPLES @ beat
+    turn = 2.0 * np.pi * np.arange(1, HARMONICS + 1)
+    re, im = q[1 : HARMONICS + 1], q[HARMONICS + 1 :]
+    return TO_SAMPLES @ np.concatenate([[0.0], -turn * im, turn * re])
+
+
+def usual(names: Sequence[str], means: Sequence[float]) -> np.ndarray:
+    """Σ₀ of all sensors of a condition.
+
+    Args:
+        names: of the sensors.
+        means: of their traces.
+    """
+    S = len(names)
+    found = np.zeros((S, FORMS, S, FORMS))
+    for s, name in enumerate(names):
+        level = USUAL_LEVEL_SHARE * abs(means[s]) if name == "Q" else USUAL_LEVEL_MMHG
+        found[s, 0, s, 0] = level**2
+        found[s, 1, s, 1] = USUAL_PULSE**2
+        for form in (2, 3, 4):
+            found[s, form, :, form] = (1.0 - OWN_SHARE) * USUAL_TIME**2
+            found[s, form, s, form] = USUAL_TIME**2
+    return found.reshape(S * FORMS, S * FORMS)
+
+
+def smoothed(power: np.ndarray) -> np.ndarray:
+    """Power averaged over neighbouring harmonics."""
+    width = 1 + np.round(WIDTH * np.arange(power.size)).astype(int)
+    return np.array([power[max(k - w, 0) : k + w + 1].mean() for k, w in enumerate(width)])
+
+
+def scatter(
+    stacks: Sequence[np.ndarray], B: np.ndarray, Sigma_0: np.ndarray, prior: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Power of the noise of one beat by harmonic, and the covariance Σ of its forms.
+
+    Args:
+        stacks: beats × samples of each sensor, all with as many; sensors whose noise is not alike
+        must
+            be scaled to the first one's.
+        B: (sensors × coefficients kept) × forms of all sensors.
+        Sigma_0: usual covariance of the forms.
+        prior: power of one beat where nothing was measured, harmonics kept.
+    """
+    b, n = stacks[0].shape
+    K, S = (n - 1) // 2, len(stacks)
+    coefficients = [_coefficients(stack - stack.mean(axis=0), K) for stack in stacks]
+    r = np.concatenate(coefficients, axis=1)
+    freedom = b - 1
+    power, Sigma = prior.copy(), Sigma_0.copy()
+    each = np.r_[0 : K + 1, 1 : K + 1]
+    share = np.r_[1.0, np.full(2 * K, 2.0)]
+    for _ in range(SWEEPS if freedom > 0 else 0):
+        D = np.tile(share * power[each], S)
+        BD = B / D[:, None]
+        covariance = np.linalg.inv(np.linalg.inv(Sigma) + B.T @ BD)
+        a = r @ BD @ covariance
+        second = a.T @ a + freedom * covariance
+        Sigma = (second + USUAL_WEIGHT * Sigma_0) / (freedom + USUAL_WEIGHT - 2.0)
+        rest = r - a @ B.T
+        square = (rest**2).sum(axis=0) + freedom * np.einsum("df,fg,dg->d", B, covariance, B)
+        square = (square / np.tile(share, S)).reshape(S, -1).sum(axis=0)
+        total = np.bincount(each, square) / np.bincount(each)
+        power = smoothed(total / (freedom * S))
+    return power, Sigma
+
+
+class FoldedNoise(NamedTuple):
+    """Noise of the mean of folded beats.
+
+    Attributes:
+        power: variance of each sensor's harmonics over 2, infinite where not measured.
+        modes: columns U of coefficients that move together, sensors × coefficients × columns.
+    """
+
+    power: np.ndarray
+    modes: np.ndarray
+
+
+def folded_noise(
+    beats: Mapping[str, np.ndarray],
+    waves: Mapping[str, np.ndarray],
+    parametric: Mapping[str, np.ndarray],
+    form: np.ndarray,
+    start_sd: float,
+    *,
+    estimate: bool,
+) -> FoldedNoise:
+    """Noise of the mean of folded beats, from their scatter and what is stated or assumed.
+
+    Args:
+        beats: beats × samples of each sensor.
+        waves: the mean beats on `SAMPLES` samples.
+        parametric: power of the mean's harmonics as stated or assumed, of each sensor.
+        form: power that folding itself may leave in a pressure.
+        start_sd: of the start of ejection [beats].
+        estimate: whether pressures take the scatter alone, where there are beats enough.
+    """
+    names = list(beats)
+    b, n = beats[names[0]].shape
+    K, S = (n - 1) // 2, len(names)
+    rows = kept(K)
+    own = [forms(waves[name]) for name in names]
+    scale = _scales(beats, own, rows)
+    B = np.zeros((S, rows.size, S, FORMS))
+    for s in range(S):
+        B[s, :, s] = scale[s] * own[s][rows]
+    Sigma_0 = usual(names, [float(waves[name].mean()) for name in names])
+    prior = b * parametric["P_aorta"][: K + 1]
+    stacks = [g * beats[name] for g, name in zip(scale, names, strict=True)]
+    found, Sigma = scatter(stacks, B.reshape(S * rows.size, -1), Sigma_0, prior)
+    power = np.full((S, HARMONICS + 1), np.inf)
+    freedom = 6.0 * S * (b - 1)
+    for s, name in enumerate(names):
+        stated = parametric[name][: K + 1]
+        seen = found / b / scale[s] ** 2 * freedom / max(freedom - 2.0, 1.0)
+        alone = estimate and name != "Q"
+        if b < FEWEST_BEATS:
+            seen = stated
+        elif not alone:
+            seen = np.maximum(stated, seen)
+        power[s, : K + 1] = seen + (0.0 if name == "Q" else form[: K + 1])
+    wide = np.zeros((S, own[0].shape[0], S, FORMS))
+    for s in range(S):
+        wide[s, :, s] = own[s]
+    columns = wide.reshape(S, own[0].shape[0], -1) @ np.linalg.cholesky(
+        Sigma / b + FORM_SHARE * Sigma_0
+    )
+    late = np.stack([FROM_SAMPLES @ slope_of(waves[name]) for name in names]) * start_sd
+    return FoldedNoise(power, np.concatenate([columns, late[..., None]], axis=-1))
+
+
+def _scales(
+    beats: Mapping[str, np.ndarray], own: list[np.ndarray], rows: np.ndarray
+) -> list[float]:
+    """Factor on each sensor by which its noise is like that of the pressures."""
+    left = {}
+    for (name, stack), B in zip(beats.items(), own, strict=True):
+        r = _coefficients(stack - stack.mean(axis=0), (stack.shape[1] - 1) // 2).T
+        Q = np.linalg.qr(B[rows])[0]
+        left[name] = float(np.sqrt(np.mean((r - Q @ (Q.T @ r)) ** 2)))
+    alike = np.mean([value for name, value in left.items() if name != "Q"])
+    return [alike / left[n] if n == "Q" and alike > 0.0 and left[n] > 0.0 else 1.0 for n in beats]
+
+
+def _coefficients(beats: np.ndarray, K: int) -> np.ndarray:
+    """Real coefficients of the first K harmonics of beats."""
+    spectrum = np.fft.rfft(beats, axis=1)[:, : K + 1] / beats.shape[1]
+    spectrum[:, 1:] *= 2.0
+    return np.concatenate([spectrum.real, spectrum.imag[:, 1:]], axis=1)
+
+
+def kept(K: int) -> np.ndarray:
+    """Positions of the first K harmonics among the real coefficients of a trace."""
+    return np.r_[0 : K + 1, HARMONICS + 1 : HARMONICS + 1 + K]

@@ -1,0 +1,121 @@
+"""Where the beats of a recording begin, found from its aortic pressure.
+
+1. The slope of the smoothed trace has one high peak a beat; the notch's is far lower.
+2. A polynomial m(u) through the upstrokes of all beats, u = time from the peak, each beat with a
+   level of its own, moves every upstroke to where it fits best (Woody 1967, Med Biol Eng 5:539):
+
+       δ_k = Σ (P − level_k − m) m′ / Σ m′²,    sd δ = sd P / √(Σ m′²).
+
+3. The rise lies at `RISE` of a beat of the base model, whatever the pressures; where the recording
+   says that it starts at ejection that is used instead.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import find_peaks
+
+RISE = 0.148
+"""Where the base model's aortic pressure crosses half its rise [beats]: exp(2 − 2/(1 − g²)) = ½
+with g = phase/0.3 − 1 (Puelz et al. 2024)."""
+
+_WINDOW = 0.13
+"""Half width of an upstroke [beats]."""
+
+_SMOOTHING = 0.03
+"""Standard deviation of the smoothing that comes before slopes are looked at [beats]."""
+
+_FARTHEST = 0.06
+"""Farthest that an upstroke is moved from the highest slope [beats]."""
+
+_DEGREE = 6
+_PASSES = 6
+
+
+class Upstrokes(NamedTuple):
+    """Upstrokes of a recording.
+
+    Attributes:
+        at: middle of the steepest rise of each beat [s].
+        sd: standard deviation of each by the noise of the trace [s].
+    """
+
+    at: np.ndarray
+    sd: float
+
+
+def find_upstrokes(t: np.ndarray, P: np.ndarray, period: float) -> Upstrokes:
+    """Upstrokes of all beats that are wholly in the recording.
+
+    Args:
+        t: times [s], ascending.
+        P: aortic pressure [mmHg].
+        period: mean length of a beat, within a third [s].
+    """
+    rough = _steepest(t, P, period)
+    if rough.size == 0:
+        return Upstrokes(rough, 0.0)
+    return _aligned(t, P, period, rough)
+
+
+def _steepest(t: np.ndarray, P: np.ndarray, period: float) -> np.ndarray:
+    """Instants of the highest slopes of the smoothed trace, one a beat."""
+    count = max(int(np.ceil((t[-1] - t[0]) / period * 200.0)), 8)
+    fine = np.linspace(t[0], t[-1], count)
+    h = fine[1] - fine[0]
+    smooth = gaussian_filter1d(np.interp(fine, t, P), _SMOOTHING * period / h, mode="nearest")
+    slope = np.gradient(smooth, h)
+    reach = max(round(float(period / h)), 4)
+    highest = [slope[k : k + reach].max() for k in range(0, count, reach)]
+    height = 0.5 * float(np.median(highest))
+    if height <= 0.0:
+        return np.zeros(0)
+    at, _ = find_peaks(slope, height=height, distance=max(int(0.55 * reach), 1))
+    # an upstroke that the file cuts off has no steepest point of its own
+    margin = 0.75 * _WINDOW * period
+    inside = (fine[at] - t[0] > margin) & (t[-1] - fine[at] > margin)
+    return fine[at[inside]]
+
+
+def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> Upstrokes:
+    """Upstrokes moved to where each fits the polynomial through all of them."""
+    at, sd = rough.copy(), _WINDOW * period
+    for _ in range(_PASSES):
+        u = (t[None, :] - at[:, None]) / period
+        beat, sample = np.nonzero(np.abs(u) < _WINDOW)
+        x, y = u[beat, sample] / _WINDOW, P[sample]
+        degree = int(np.clip((x.size - at.size) // 3, 1, _DEGREE))
+        powers = np.arange(1, degree + 1)
+        own = (beat[:, None] == np.arange(at.size)[None, :]).astype(float)
+        design = np.concatenate([own, x[:, None] ** powers], axis=1)
+        fit = np.linalg.lstsq(design, y, rcond=None)[0]
+        rest = y - design @ fit
+        slope = (powers * x[:, None] ** (powers - 1)) @ fit[at.size :] / (_WINDOW * period)
+        # a level of its own leaves a beat the part of the slope that is not constant within it
+        inner = np.bincount(beat, slope, at.size) / np.maximum(
+            np.bincount(beat, minlength=at.size), 1
+        )
+        power = np.bincount(beat, (slope - inner[beat]) ** 2, at.size) + 0.1 * np.bincount(
+            beat, slope**2, at.size
+        )
+        moved = -np.bincount(beat, rest * slope, at.size) / np.maximum(power, 1e-9)
+        # one that runs away has lost its upstroke
+        at = np.clip(at + moved, rough - _FARTHEST * period, rough + _FARTHEST * period)
+        freedom = max(x.size - at.size - degree, 1)
+        sd = float(np.sqrt((rest**2).sum() / freedom / np.median(power)))
+    return Upstrokes(at, sd)
+
+
+def rise_of(beat: np.ndarray) -> float:
+    """Phase at which a beat on a uniform grid crosses half of its rise, looked for near `RISE`."""
+    n = beat.size
+    fine = np.arange(4 * 256) / (4 * 256)
+    wave = CubicSpline(np.arange(n + 1) / n, np.append(beat, beat[0]), bc_type="periodic")(fine)
+    half = 0.5 * (wave.min() + wave.max())
+    up = np.flatnonzero((wave < half) & (np.roll(wave, -1) >= half))
+    if up.size == 0:
+        return RISE
+    found = fine[up]
+    return float(found[np.argmin(np.abs(np.mod(found - RISE + 0.5, 1.0) - 0.5))])

@@ -21,8 +21,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diagnosis import Folding
-from diagnosis.circuit import HARMONICS
+import diagnosis
 from study.onsets import RISE, Upstrokes, find_upstrokes, rise_of
 
 SYSTOLE = 0.42
@@ -30,6 +29,9 @@ SYSTOLE = 0.42
 
 SHARE_USED = 0.4
 """Harmonics used over samples a beat; half would be the Nyquist limit."""
+
+HARMONICS = 40
+"""Most harmonics used, as many as the diagnosis keeps."""
 
 WIDEST_GAP = 0.85
 """Widest gap between samples, in periods of the highest harmonic used."""
@@ -75,7 +77,7 @@ class Folded:
 
     beats: dict[str, np.ndarray]
     period: float
-    folding: Folding | None
+    folding: "diagnosis.Folding | None"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -163,7 +165,7 @@ def _best_stretch(
         found.append((scatter, cut, beats, n))
     _, cut, beats, n = min(found, key=lambda one: one[0])
     sd = STATED_START_SD if stated else FOUND_START_SD
-    folding = Folding(samples=n, start_sd=float(np.hypot(sd, upstrokes.sd / mean)))
+    folding = diagnosis.Folding(samples=n, start_sd=float(np.hypot(sd, upstrokes.sd / mean)))
     return Folded(beats, float(cut.length.mean()), folding)
 
 
@@ -196,7 +198,7 @@ def _single(
         )  # fmt: skip
     cut = _Cut(np.zeros(1), np.array([period]), period, 1.0)
     beats, n = _fitted(t, traces, cut, fewest)
-    return Folded(beats, period, Folding(samples=n, start_sd=STATED_START_SD))
+    return Folded(beats, period, diagnosis.Folding(samples=n, start_sd=STATED_START_SD))
 
 
 def _fitted(

@@ -13,9 +13,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import find_peaks
 
 RISE = 0.148
 """Where the base model's aortic pressure crosses half its rise [beats]: exp(2 − 2/(1 − g²)) = ½
@@ -65,18 +62,35 @@ def _steepest(t: np.ndarray, P: np.ndarray, period: float) -> np.ndarray:
     count = max(int(np.ceil((t[-1] - t[0]) / period * 200.0)), 8)
     fine = np.linspace(t[0], t[-1], count)
     h = fine[1] - fine[0]
-    smooth = gaussian_filter1d(np.interp(fine, t, P), _SMOOTHING * period / h, mode="nearest")
+    smooth = _smoothed(np.interp(fine, t, P), _SMOOTHING * period / h)
     slope = np.gradient(smooth, h)
     reach = max(round(float(period / h)), 4)
     highest = [slope[k : k + reach].max() for k in range(0, count, reach)]
     height = 0.5 * float(np.median(highest))
     if height <= 0.0:
         return np.zeros(0)
-    at, _ = find_peaks(slope, height=height, distance=max(int(0.55 * reach), 1))
+    at = _peaks(slope, height, max(int(0.55 * reach), 1))
     # an upstroke that the file cuts off has no steepest point of its own
     margin = 0.75 * _WINDOW * period
     inside = (fine[at] - t[0] > margin) & (t[-1] - fine[at] > margin)
     return fine[at[inside]]
+
+
+def _smoothed(wave: np.ndarray, width: float) -> np.ndarray:
+    """A wave averaged by a Gaussian of some standard deviation in samples, its ends held."""
+    reach = int(np.ceil(4.0 * width))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
+    return np.convolve(np.pad(wave, reach, mode="edge"), kernel / kernel.sum(), mode="valid")
+
+
+def _peaks(wave: np.ndarray, height: float, distance: int) -> np.ndarray:
+    """Local maxima above a height, the highest first, none nearer to another than a distance."""
+    inner = (wave[1:-1] > wave[:-2]) & (wave[1:-1] >= wave[2:]) & (wave[1:-1] >= height)
+    kept: list[int] = []
+    for k in sorted((np.flatnonzero(inner) + 1).tolist(), key=lambda k: -wave[k]):
+        if all(abs(k - other) >= distance for other in kept):
+            kept.append(k)
+    return np.array(sorted(kept), int)
 
 
 def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> Upstrokes:
@@ -112,7 +126,7 @@ def rise_of(beat: np.ndarray) -> float:
     """Phase at which a beat on a uniform grid crosses half of its rise, looked for near `RISE`."""
     n = beat.size
     fine = np.arange(4 * 256) / (4 * 256)
-    wave = CubicSpline(np.arange(n + 1) / n, np.append(beat, beat[0]), bc_type="periodic")(fine)
+    wave = np.fft.irfft(np.fft.rfft(beat) * (fine.size / n), fine.size)
     half = 0.5 * (wave.min() + wave.max())
     up = np.flatnonzero((wave < half) & (np.roll(wave, -1) >= half))
     if up.size == 0:

@@ -3,6 +3,8 @@ import pytest
 
 from benchmarks.blind.clocked import Clock, recording
 from benchmarks.blind.truth import aortic
+from diagnosis import circuit
+from study import folding
 from study.faults import Fault
 from study.folding import Unfoldable, fold, warped
 from study.onsets import RISE, find_upstrokes, rise_of
@@ -114,6 +116,10 @@ def test_single_lost_samples_are_taken_and_gaps_are_refused():
         kept[30 + 68 * k : 36 + 68 * k] = False
     with pytest.raises(Unfoldable, match="leave gaps"):
         fold(t[kept], {n: w[kept] for n, w in traces.items()}, PERIOD, 16)
+
+
+def test_no_harmonic_is_fitted_that_the_diagnosis_leaves_out():
+    assert folding.HARMONICS == circuit.HARMONICS
 
 
 def test_phases_are_those_of_the_mean_beat():

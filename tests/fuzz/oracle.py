@@ -136,6 +136,8 @@ def _of_numbers(trial: Trial, outcome: Outcome, good: dict[str, Any] | None) -> 
 
 _RATIO = re.compile(r"(^|\.)(ffr|rest_ratio|target)$")
 _POSITIVE = re.compile(r"(^|\.)(alpha|R0|period_s|mean_P_aorta_mmHg|mean_P_distal_mmHg)$")
+DERIVATIVE = re.compile(r"_by_|sensitivit|derivative|gradient")
+"""Keys below which quantities are derivatives, of any sign and size."""
 _SKIPPED = ("provenance", "files", "wall_time_s", "sources", "remarks", "patient", "id", "origin")
 
 
@@ -171,6 +173,8 @@ def impossible(document: Any) -> list[str]:
     """Quantities of a document that no patient can have."""
     found = []
     for key, value in numbers(document).items():
+        if DERIVATIVE.search(key):
+            continue
         if isinstance(value, bool) or not isinstance(value, int | float):
             continue
         if _RATIO.search(key) and not 0.0 < value < 1.3:

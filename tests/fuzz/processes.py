@@ -79,8 +79,8 @@ class Bench:
     """Runs commands undisturbed, once each, and keeps what they find and how long they take."""
 
     def __init__(self, folder: pathlib.Path):
-        """Compiled code is kept in the folder; meshes are kept there too, and are cold at first."""
-        self.cache = folder / "compiled-of-processes"
+        """Compiled code is kept in the folder, and meshes with it."""
+        self.cache = folder / "compiled"
         self.known: dict[tuple[str, str], tuple[dict[str, Any], float]] = {}
 
     def undisturbed(self, name: str, ffr: str = "") -> tuple[dict[str, Any], float]:

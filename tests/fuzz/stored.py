@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from tests.fuzz.octets import BYTE_OPERATORS
+from tests.fuzz.oracle import DERIVATIVE
 from tests.fuzz.tables import Place, get, leaves, put, shown
 from tests.fuzz.trial import Content, Expected, Files, Trial
 
@@ -136,7 +137,7 @@ def _leaf(
 ) -> tuple[str, str, Expected] | None:
     numbers = [p for p in places if isinstance(get(document, p), float)]
     words = [p for p in places if isinstance(get(document, p), str) and len(p) > 0]
-    named = [p for p in numbers if p[-1] in QUANTITIES]
+    named = [p for p in numbers if p[-1] in QUANTITIES and not DERIVATIVE.search(shown(p))]
     if operator in ("number for a word", "long text", "control"):
         place = rng.choice(words)
         value: Any = {
@@ -162,8 +163,8 @@ def _leaf(
         part[str(place[-1]) + "_q"] = get(document, place)
         del part[place[-1]]
         return _text(changed), shown(place), "either"
-    refused = operator == "nan" or (operator in _VALUES and place[-1] in QUANTITIES)
-    if operator == "null" or (operator == "boolean" and place[-1] not in QUANTITIES):
+    refused = operator == "nan" or (operator in _VALUES and place in named)
+    if operator == "null" or (operator == "boolean" and place not in named):
         refused = False
     return (
         _text(put(document, place, _VALUES[operator])),

@@ -188,7 +188,7 @@ BAD_CASES = {
     "FFR above one": CASE.replace("ffr = 0.91", "ffr = 1.2"),
     "no resting ratio": CASE.replace("ffr = 0.91\n", ""),
     "no rest": CASE.replace("condition.rest", "condition.other"),
-    "no resistance": CASE.replace("R0_dyn_s_per_cm5 = 5.0e3", ""),
+    "no resistance": CASE.replace("R0_dyn_s_per_cm5 = 5.0e3", 'law = "quadratic"'),
     "unknown key": CASE.replace("period_s = 0.80", "periode_s = 0.80"),
     "wrong unit": CASE.replace("P_systolic_mmHg = 110.0", "P_systolic_kPa = 14.7"),
     "ratio below the venous pressure": CASE.replace("ffr = 0.91", "ffr = 0.2")

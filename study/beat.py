@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from lumped.units import MMHG
 from study.advice import explain_wrong_unit, nearest, range_cure
-from study.faults import Fault, shown
+from study.faults import Fault, shown, unreadable
 from study.schema import Quantity
 
 FEWEST_SAMPLES = 8
@@ -72,7 +72,7 @@ def read_beat(
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
         cure = "give a CSV text file with the header time_s,P_aorta_mmHg"
-        refuse(None, f"the file cannot be read: {error}", "", cure)
+        refuse(None, unreadable(error), "", cure)
         return None
     rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip()]
     wrong = _wrong_header(rows[0] if rows else [])

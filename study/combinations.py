@@ -8,8 +8,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from lumped.units import ML_PER_MIN, MMHG
 from study.losses_table import R0
 from study.schema import UNITS, Quantity, convert, readable, spellings
@@ -85,7 +83,7 @@ def _check_venous(values: Mapping[str, Any], document: Mapping[str, Any], contex
 
 
 def check_recorded(
-    values: Mapping[str, Any], beats: Mapping[str, np.ndarray], heading: str, context: Context
+    values: Mapping[str, Any], beats: Mapping[str, Any], heading: str, context: Context
 ) -> None:
     """Refuse values of a recorded condition that do not go together; faults go to the context.
 
@@ -97,11 +95,11 @@ def check_recorded(
     """
     _check_flow(values["mean_Q"], f"{heading}.mean_flow_ml_per_min", context)
     if "Q" in beats and values["mean_Q"] is None:
-        _check_flow(float(np.mean(beats["Q"])), f"{heading}.file, Q_coronary_ml_per_min", context)
+        _check_flow(float(beats["Q"].mean()), f"{heading}.file, Q_coronary_ml_per_min", context)
     _check_means(values, heading, context)
     aorta, distal = values["mean_P_aorta"], values["mean_P_distal"]
     if "P_aorta" in beats and "P_distal" in beats:
-        aorta, distal = (float(np.mean(beats[name])) for name in ("P_aorta", "P_distal"))
+        aorta, distal = (float(beats[name].mean()) for name in ("P_aorta", "P_distal"))
     ratio = values["ffr"]
     if aorta is None or distal is None or ratio is None:
         return

@@ -91,7 +91,7 @@ def _run(options: argparse.Namespace, signals: Signals) -> None:
         answer = body(options, *given)
     if options.json:
         files = {"files": [str(path) for path in answer.written]} if answer.written else {}
-        print(to_json({**without_waveforms(answer.document), **files}), end="")
+        print(to_json({**without_waveforms(dict(answer.document)), **files}), end="")
     else:
         print(summary(answer.document), end="")
     note_written(answer.written)

@@ -5,7 +5,7 @@ import re
 import tomllib
 from typing import Any
 
-from study.faults import CaseError, Fault, shown
+from study.faults import CaseError, Fault, shown, unreadable
 
 LARGEST_SIZE = 2**20
 """Size beyond which a file is taken for something else [bytes]."""
@@ -64,7 +64,7 @@ def _read_text(file: pathlib.Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        problem = f"not a UTF-8 text (byte {error.start} is {content[error.start]:#04x})"
+        problem = unreadable(error)
         cure = "give a TOML text file; this one is binary or in another encoding"
         if content.startswith(_UTF16_MARKS):
             cure = "the file is in UTF-16: save it again as UTF-8"

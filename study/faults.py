@@ -87,3 +87,10 @@ def printable(text: object) -> str:
 def shown_key(name: str) -> str:
     """A key as it is written in TOML: bare where that is allowed, quoted otherwise."""
     return name if _BARE_KEY.fullmatch(name) else _short.repr(name)
+
+
+def unreadable(error: OSError | ValueError) -> str:
+    """Why a text file cannot be read: the first byte that is no UTF-8, or what the system says."""
+    if isinstance(error, UnicodeDecodeError):
+        return f"not a UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
+    return f"the file cannot be read: {error}"

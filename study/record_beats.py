@@ -14,7 +14,7 @@ import numpy as np
 
 from lumped.units import ML_PER_MIN
 from study.advice import explain_wrong_unit
-from study.faults import Fault, shown
+from study.faults import Fault, shown, unreadable
 from study.folding import Folded, Unfoldable, fold
 from study.onsets import find_upstrokes
 from study.schema import Quantity
@@ -99,7 +99,7 @@ def _table(path: pathlib.Path, refuse: Refuse) -> dict[str, np.ndarray] | None:
             return None
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
-        refuse(None, f"the file cannot be read: {error}", "", f"give CSV text: {header_text}")
+        refuse(None, unreadable(error), "", f"give CSV text: {header_text}")
         return None
     rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip()]
     header = rows[0] if rows else []

@@ -23,7 +23,11 @@ try:
     read_vtp(path) if path.endswith("vtp") else read_mesh(path, unit="cm")
 except MeshFileError as error:
     print(error)
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+try:  # ru_maxrss counts what the process that was forked held
+    lines = open("/proc/self/status").read().splitlines()
+    peak = next(float(line.split()[1]) for line in lines if line.startswith("VmHWM")) / 1024
+except (OSError, StopIteration):
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print(f"PEAK {peak:.0f} MB", f"TIME {time.perf_counter() - start:.1f}")
 """
 

@@ -104,7 +104,7 @@ def test_beat_with_clock_times_rounded_to_milliseconds_is_uniform(tmp_path):
     [
         ('kind = "synthetic"\nside = "left"\ntake_off_angle_deg = 20', SyntheticAnatomy),
         ('kind = "surface"\nsurface = "contours.csv"\nunit = "mm"', SurfaceAnatomy),
-        ('kind = "mesh"\npath = "."\nunit = "cm"', MeshAnatomy),
+        ('kind = "mesh"\npath = "contours.csv"\nunit = "cm"', MeshAnatomy),
     ],
 )
 def test_other_anatomies_are_accepted(tmp_path, table, kind):

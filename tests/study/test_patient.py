@@ -69,7 +69,7 @@ def test_resistance_without_contours_gives_the_linear_law_only(load):
 
 def test_no_resistance_at_all_is_refused(load):
     with pytest.raises(CaseError, match="no resistance is known"):
-        load("")
+        load('[surrogate]\nlaw = "quadratic"\n')
 
 
 def test_own_factors_come_before_both_readings_of_the_rule(load):

@@ -51,6 +51,9 @@ def test_no_word_of_refusal_waits_for_jax(arguments, status, tmp_path, monkeypat
 
 _STRUCK = """
 import importlib, os, signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores some
+for name in ("SIGTERM", "SIGHUP"):
+    signal.signal(getattr(signal, name), signal.SIG_DFL)
 import study.cli as cli
 
 number, times, early = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "early"
@@ -88,6 +91,9 @@ def test_signals_once_or_more_end_with_130_and_one_sentence(number, when, said):
 
 _DROPPED = """
 import os, signal, sys, time, weakref
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores some
+for name in ("SIGTERM", "SIGHUP"):
+    signal.signal(getattr(signal, name), signal.SIG_DFL)
 import study.cli as cli
 
 class Thing:

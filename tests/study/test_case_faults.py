@@ -292,7 +292,7 @@ BAD_BEATS = {
     "wrong unit in header": (beat_text().replace("time_s", "time_ms"), "convert column time_ms"),
     "misspelt header": (beat_text().replace("aorta_", "aotra_"), "rename column P_aotra_mmHg"),
     "semicolons": (beat_text().replace(",", ";"), "separate the columns by commas"),
-    "binary": (b"\x89PNG\r\n\x1a\n\xff\xfe", "cannot be read"),
+    "binary": (b"\x89PNG\r\n\x1a\n\xff\xfe", "not a UTF-8 text"),
 }  # fmt: skip
 
 

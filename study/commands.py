@@ -25,7 +25,7 @@ from study.members import check_members, find_members
 from study.output import OutputRefused, check_folder, write_files
 from study.record_file import read_record, record_path
 from study.record_template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
-from study.stored_document import damaged, load_document, to_json, without_waveforms
+from study.stored_document import load_document, readable, to_json, without_waveforms
 from study.summary import summary
 from study.template import case_template
 
@@ -148,10 +148,7 @@ def _record(options: argparse.Namespace) -> tuple[Any, ...]:
 def _stored(options: argparse.Namespace) -> tuple[Any, ...]:
     """A stored result."""
     document = load_document(options.result)
-    try:
-        summary(document)
-    except (KeyError, TypeError, IndexError, ValueError) as error:
-        raise damaged(options.result, error) from error
+    readable(options.result, document, lambda: (summary(document), without_waveforms(document)))
     return (document,)
 
 

@@ -14,7 +14,7 @@ from study.fsi_bench import Bench
 from study.numerics import decided_by
 from study.progress import Progress
 from study.provenance import input_files, origin
-from study.stored_document import load_document
+from study.stored_document import load_document, readable
 from study.study_command import study_case, study_choice
 
 
@@ -49,6 +49,7 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     if document.get("kind") != "study":
         cure = "give the folder of a finished jaxfsi study"
         raise CaseError([Fault(place, "", None, "this is no study", "", cure)])
+    readable(place, document, lambda: _needed(document))
     options = _options(place, document)
     path = demo_case_path() if options.demo else options.case
     case = study_case(read_case(path), options)
@@ -60,6 +61,15 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     bench, _ = open_bench(case, folder, choice.run, progress)
     ramp = document["ramp"]
     return FinishedStudy(with_curve(bench, float(ramp["a"]), float(ramp["b"])), document)
+
+
+def _needed(document: Mapping[str, Any]) -> None:
+    """Read all that is gone on from, so that damage is found here."""
+    _ = [float(document["ramp"][name]) for name in "ab"], float(document["loop"]["alpha"])
+    provenance = document["provenance"]
+    _ = {entry["file"]: entry["sha256"] for entry in provenance["inputs"]}
+    if not all(isinstance(word, str) for word in [*provenance["command"]]):
+        raise TypeError
 
 
 def _options(place: pathlib.Path, document: Mapping[str, Any]) -> argparse.Namespace:

@@ -6,16 +6,13 @@ from study.command_output import Answer, note
 from study.earlier_run import make_way_for_page
 from study.folder_lock import at_work
 from study.output import check_folder, write_files
-from study.stored_document import Document, damaged
+from study.stored_document import Document, readable
 from study.stored_page import page_name, stored_page
 
 
 def show_command(options: argparse.Namespace, document: Document) -> Answer:
     """Write the page of a stored result again."""
-    try:
-        page = stored_page(options.result, document)
-    except (KeyError, TypeError, IndexError, ValueError) as error:
-        raise damaged(options.result, error) from error
+    page = readable(options.result, document, lambda: stored_page(options.result, document))
     folder = check_folder(options.out)
     with at_work(folder, note):
         written = write_files(

@@ -2,8 +2,8 @@
 
 import json
 import pathlib
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from study.faults import CaseError, Fault
 from study.result_files import (
@@ -15,8 +15,17 @@ from study.result_files import (
     SIMULATION_FILE,
     STUDY_FILE,
 )
+from study.stored_parts import Damage, Trail, last_read, parse
 
 Document = dict[str, Any]
+
+_Made = TypeVar("_Made")
+
+LARGEST_SIZE = 2**26
+"""Size beyond which a file is taken for something else [bytes]."""
+
+_CURE = f"give a {RESULT_FILE} that jaxfsi wrote, or the folder that holds it"
+_AGAIN = "run the command that made it again, or give a copy that was not changed"
 
 FORMAT = "jaxfsi 1"
 """Name and version of the layout; the version grows when a key changes its meaning."""
@@ -74,25 +83,46 @@ def load_document(path: pathlib.Path) -> Document:
     Raises:
         CaseError: the file cannot be read, or is no document of this layout.
     """
-    held = [path / name for name in _FILES if (path / name).is_file()]
-    file = (held or [path / RESULT_FILE])[0] if path.is_dir() else path
-    cure = f"give a {RESULT_FILE} that jaxfsi wrote, or the folder that holds it"
+    file = _file_of(path)
 
     def refusal(problem: str) -> CaseError:
-        return CaseError([Fault(file, "", None, problem, "", cure)])
+        return CaseError([Fault(file, "", None, problem, "", _CURE)])
 
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
+        if file.stat().st_size > LARGEST_SIZE:
+            raise refusal(f"larger than any result ({LARGEST_SIZE // 2**20} MiB)")
+        document = parse(file.read_bytes(), Trail())
     except OSError as error:
         raise refusal(f"cannot be opened: {error.strerror or error}") from None
-    except (ValueError, RecursionError) as error:
-        raise refusal(f"no JSON: {str(error)[:120]}") from None
+    except Damage as damage:
+        raise refusal(f"the document is damaged: {damage}") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise refusal(f'no result of this version (its "format" is not "{FORMAT}")')
     return document
 
 
-def damaged(path: pathlib.Path, error: Exception) -> CaseError:
-    """The refusal of a document in which a part is missing or not what it should be."""
-    problem = f"a part of the result is missing or damaged: {error!r}"
-    return CaseError([Fault(path, "", None, problem, "", "run the command again")])
+def readable(path: pathlib.Path, document: Document, use: Callable[[], _Made]) -> _Made:
+    """What is made of a stored document; where that fails, the document is refused.
+
+    Args:
+        path: its file, or the folder that holds it.
+        document: as `load_document` gives it.
+        use: makes something of it, and nothing else than the document can make it fail.
+
+    Raises:
+        CaseError: a part of the document is missing or not what it should be.
+    """
+    try:
+        return use()
+    except (OSError, CaseError, MemoryError):
+        raise
+    except Exception as error:
+        place = last_read(document)
+        where = f"{place}, or a part below it," if place else "a part of it"
+        problem = f"the result is damaged: {where} is missing or not what jaxfsi writes there"
+        raise CaseError([Fault(_file_of(path), "", None, problem, "", _AGAIN)]) from error
+
+
+def _file_of(path: pathlib.Path) -> pathlib.Path:
+    held = [path / name for name in _FILES if (path / name).is_file()]
+    return (held or [path / RESULT_FILE])[0] if path.is_dir() else path

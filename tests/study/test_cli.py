@@ -179,7 +179,7 @@ def test_show_refuses_a_damaged_result(command, tmp_path):
     file.write_text('{"format": "jaxfsi 1", "kind": "run", "patient": "x"}')
     shown = command("show", file)
     assert shown.status == 2
-    assert "missing or damaged" in shown.stderr
+    assert "the result is damaged: verdict, or a part below it," in shown.stderr
 
 
 BAD_CASES = {

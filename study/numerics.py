@@ -102,8 +102,8 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/pipeline_commands.py", "study/progress.py", "study/provenance.py", "study/report.py",
     "study/result_files.py", "study/sensitivity_figures.py", "study/show_command.py",
     "study/simulate_command.py", "study/simulation_figures.py", "study/simulation_rendering.py",
-    "study/stages.py", "study/stored_document.py", "study/stored_page.py", "study/summary.py",
-    "study/template.py", "study/virtual_cohort.py",
+    "study/stages.py", "study/stored_document.py", "study/stored_page.py", "study/stored_parts.py",
+    "study/summary.py", "study/template.py", "study/virtual_cohort.py",
 )  # fmt: skip
 """Modules that decide no number that is kept, whatever the patterns of a part say."""
 

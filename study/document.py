@@ -10,6 +10,39 @@ from study.faults import CaseError, Fault, shown, unreadable
 LARGEST_SIZE = 2**20
 """Size beyond which a file is taken for something else [bytes]."""
 
+MOST_PARTS = 32
+"""Parts of a dotted key beyond which a file is refused: reading takes the square of them."""
+
+_PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS}}}")
+
+_SYNTAX = (
+    ("Cannot overwrite a value", "the key stands twice, or also as a table"),
+    ("Cannot declare", "the table stands twice"),
+    ("Cannot redefine", "the table stands twice"),
+    ("Cannot mutate", "the table is complete already, and cannot be added to here"),
+    ("Duplicate inline table key", "a key stands twice between braces"),
+    ("Expected '=' after a key", "no = after the key"),
+    ("Expected ']", "no closing bracket after the name of a table"),
+    ("Invalid initial character", "no key begins so"),
+    ("Invalid statement", "no key begins so"),
+    ("Expected newline", "something stands behind the value"),
+    ("Unclosed array", "a list without its closing bracket"),
+    ("Unclosed inline table", "a table without its closing brace"),
+    ("Unterminated string", "a text without its closing quote"),
+    ("Expected '\"", "a text without its closing quote"),
+    ("Expected \"'", "a text without its closing quote"),
+    ("Unescaped", "a backslash in a text; write / or two of them"),
+    ("Escaped character", "a backslash in a text; write / or two of them"),
+    ("Invalid hex value", "a backslash in a text; write / or two of them"),
+    ("Illegal character '\\n'", "a text without its closing quote"),
+    ("Illegal character", "a control character"),
+    ("Found invalid character", "a control character"),
+    ("Invalid date", "no such date or time"),
+    ("Invalid value", "neither a number, a text in quotes, true nor false"),
+)
+"""What the reader of TOML says, and what that means."""
+
 _UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -28,11 +61,16 @@ def read_document(file: pathlib.Path) -> dict[str, Any]:
     text = _read_text(file)
     if not text.strip():
         raise _refusal(file, "the file is empty", "start from the template of a case file")
+    long = _LONG_KEY.search(text)
+    if long is not None:
+        line = text.count("\n", 0, long.start()) + 1
+        problem = f"a key in line {line} has more than {MOST_PARTS} parts, {shown(long[0])}"
+        raise _refusal(file, problem, "a key has one part, or three: condition.rest.ffr")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         cure = "correct the syntax there: key = value, texts in quotes, each key once a table"
-        raise _refusal(file, f"not valid TOML: {error}{_line_of(error, text)}", cure) from None
+        raise _refusal(file, f"not valid TOML{_syntax(str(error), text)}", cure) from None
     except RecursionError:
         cure = "a case file needs two levels of tables; remove the brackets that are too many"
         raise _refusal(file, "lists or tables are nested too deeply", cure) from None
@@ -75,10 +113,13 @@ def _refusal(file: pathlib.Path, problem: str, cure: str) -> CaseError:
     return CaseError([Fault(file, "", None, problem, "", cure)])
 
 
-def _line_of(error: Exception, text: str) -> str:
-    """The line that a syntax error points to, for the message."""
-    place = re.search(r"line (\d+)", str(error))
+def _syntax(said: str, text: str) -> str:
+    """Where a syntax error lies and what it is, from what the reader says."""
+    meant = next((words for start, words in _SYNTAX if said.startswith(start)), "")
+    reason = f": {meant}" if meant else ""
+    place = re.search(r"\(at line (\d+), column (\d+)\)$", said)
+    if place is None:
+        return f" at its end{reason}"
     lines = text.replace("\r\n", "\n").split("\n")
-    if place is None or int(place[1]) > len(lines):
-        return ""
-    return f", in {shown(lines[int(place[1]) - 1].strip())}"
+    line = lines[min(int(place[1]), len(lines)) - 1].strip()
+    return f" at line {place[1]}, column {place[2]}{reason}, in {shown(line)}"

@@ -1,5 +1,6 @@
 """Faults of an input file and the one error that reports all of them together."""
 
+import collections
 import dataclasses
 import datetime
 import pathlib
@@ -9,6 +10,9 @@ from collections.abc import Sequence
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]{1,80}")
 _LARGEST_SHOWN_INTEGER = 10**18
+
+MOST_SHOWN = 10
+"""Faults of one file that are said in full; of those beyond only the number is."""
 
 _short = reprlib.Repr()
 _short.maxstring = 80
@@ -56,10 +60,20 @@ class CaseError(ValueError):
         self.faults: list[Fault] = list(faults)
 
     def __str__(self) -> str:
-        """All faults, two lines each."""
+        """The first faults of each file, two lines each, and how many there are beyond."""
         count = len(self.faults)
-        head = "the input was refused: " + ("1 fault" if count == 1 else f"{count} faults")
-        return "\n".join([head, *(str(fault) for fault in self.faults)])
+        lines = ["the input was refused: " + ("1 fault" if count == 1 else f"{count} faults")]
+        said: collections.Counter[pathlib.Path] = collections.Counter()
+        for fault in self.faults:
+            if said[fault.file] < MOST_SHOWN:
+                lines.append(str(fault))
+            said[fault.file] += 1
+        lines += [
+            f"{printable(file)}: and {number - MOST_SHOWN} more"
+            for file, number in said.items()
+            if number > MOST_SHOWN
+        ]
+        return "\n".join(lines)
 
 
 def shown(value: object) -> str:

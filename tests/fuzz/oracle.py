@@ -99,8 +99,7 @@ def _of_words(trial: Trial, outcome: Outcome, folder: pathlib.Path) -> list[Brea
     if "Traceback (most recent call last)" in text:
         return [Breach("traceback", "a traceback")]
     found = []
-    # the reader of TOML says in plain words what is wrong where; its words are kept
-    foreign = _FOREIGN.search(re.sub(r"not valid TOML: .*", "", text))
+    foreign = _FOREIGN.search(text)
     if foreign:
         found.append(Breach("words", f"says {foreign[0]!r}"))
     if not text.strip():

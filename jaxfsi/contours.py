@@ -9,7 +9,6 @@ table with a row per frame (columns ``frame`` and ``position``, the latter in mm
 given that table, its positions are used instead of z.
 """
 
-import csv
 import itertools
 import math
 import os
@@ -21,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfsi.lumen import Lumen
+from jaxfsi.text_files import read_table, read_text
 from lumped.units import MM
 
 _MIN_FRAMES = 3
@@ -62,7 +62,7 @@ def read_ivus_contours(
             of every fault.
     """
     path = pathlib.Path(path)
-    frames = _parse(path, _lines(path))
+    frames = _parse(path, read_text(path).splitlines())
     contours = _contours(path, frames)
     z_mm = np.array([frame.z_mm for frame in frames])
     if frame_table is None:
@@ -79,16 +79,6 @@ def _refuse(path: pathlib.Path, faults: list[str], hint: str = _HINT) -> ValueEr
     if len(faults) > len(shown):
         shown.append(f"and {len(faults) - len(shown)} more")
     return ValueError(f"{path}: " + "; ".join(shown) + f". {hint}")
-
-
-def _lines(path: pathlib.Path) -> list[str]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise _refuse(path, [f"cannot be opened ({error.strerror})"], "Check the path.") from error
-    except UnicodeDecodeError as error:
-        raise _refuse(path, [f"is not text (byte {error.start})"]) from error
-    return text.splitlines()
 
 
 def _number(field: str) -> float | None:
@@ -115,10 +105,12 @@ def _parse(path: pathlib.Path, lines: Iterable[str]) -> list[_Frame]:
         bad = [field for field, value in zip(fields, values, strict=True) if value is None]
         number, x, y, z = values
         if number is None or x is None or y is None or z is None:
-            faults.append(f"line {i}: {', '.join(map(repr, bad))} is not a finite number")
+            faults.append(
+                f"line {i}: {', '.join(repr(field[:40]) for field in bad)} is not a finite number"
+            )
             continue
         if number != int(number):
-            faults.append(f"line {i}: frame number {fields[0]!r} is not a whole number")
+            faults.append(f"line {i}: frame number {fields[0][:40]!r} is not a whole number")
             continue
         if not frames or frames[-1].number != number:
             if number in seen:
@@ -195,14 +187,13 @@ def _positions(path: pathlib.Path, frames: list[_Frame]) -> np.ndarray:
     hint = "Expected a header with the columns frame and position (mm) and a row for each frame."
     table: dict[int, float] = {}
     faults: list[str] = []
-    reader = csv.DictReader(_lines(path))
-    if not {"frame", "position"} <= set(reader.fieldnames or ()):
-        raise _refuse(path, ["no columns frame and position"], hint)
-    for row in reader:
-        number, position = _number(row["frame"] or ""), _number(row["position"] or "")
+    for line, row in read_table(path):
+        if not {"frame", "position"} <= set(row):
+            raise _refuse(path, ["no columns frame and position"], hint)
+        number, position = _number(row["frame"]), _number(row["position"])
         if number is None or position is None:
             faults.append(
-                f"line {reader.line_num}: frame {row['frame']!r} at position {row['position']!r}"
+                f"line {line}: frame {row['frame'][:40]!r} at position {row['position'][:40]!r}"
             )
             continue
         table[int(number)] = position

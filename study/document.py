@@ -74,9 +74,9 @@ def read_document(file: pathlib.Path) -> dict[str, Any]:
     except RecursionError:
         cure = "a case file needs two levels of tables; remove the brackets that are too many"
         raise _refusal(file, "lists or tables are nested too deeply", cure) from None
-    except ValueError as error:  # an integer with more digits than Python converts
+    except ValueError:  # an integer with more digits than Python converts
         cure = "look for a number with a great many digits"
-        raise _refusal(file, f"a number cannot be read: {str(error).split(';')[0]}", cure) from None
+        raise _refusal(file, "a number is too long to be read", cure) from None
 
 
 def _read_text(file: pathlib.Path) -> str:
@@ -93,12 +93,12 @@ def _read_text(file: pathlib.Path) -> str:
             raise _refusal(file, size, "give the path of the .toml file, not of the data it names")
         content = file.read_bytes()
     except OSError as error:
-        problem = f"the file cannot be opened: {error.strerror or error}"
+        problem = f"the file cannot be opened: {error.strerror or 'the system does not say why'}"
         raise _refusal(file, problem, "check the path and the permission to read it") from None
     except ValueError as error:
         if isinstance(error, CaseError):
             raise
-        raise _refusal(file, f"the path cannot be used: {error}", "check the path") from None
+        raise _refusal(file, "this is no path of a file", "check the path") from None
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -7,7 +7,6 @@ page that stands therefore has its files at every instant.
 """
 
 import contextlib
-import json
 import os
 import pathlib
 import shutil
@@ -15,6 +14,7 @@ import tempfile
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+from study.faults import CaseError
 from study.identity import identity
 from study.result_files import (
     CHECKPOINT_FILE,
@@ -25,6 +25,7 @@ from study.result_files import (
     kept_files,
     shown_files,
 )
+from study.stored_document import load_document
 
 EARLIER = "earlier-"
 """How the names of the folders of earlier results begin."""
@@ -122,11 +123,21 @@ def _standing(folder: pathlib.Path, kind: str) -> dict[str, Any] | None:
     if not any((folder / name).exists() for name in (file.name, *KINDS[kind].shown)):
         return None
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
-        _ = shown_files(kind, found), kept_files(kind, found)
-    except (OSError, ValueError, RecursionError, TypeError, AttributeError, KeyError):
+        found = load_document(file)
+        names = [*shown_files(kind, found), *kept_files(kind, found)]
+    except (CaseError, ValueError, TypeError, AttributeError, KeyError):
         return {}
-    return found
+    return found if all(_plain(name) for name in names) else {}
+
+
+def _plain(name: object) -> bool:
+    """Whether this is the name of a file of a folder, and of nothing elsewhere."""
+    return (
+        isinstance(name, str)
+        and pathlib.PurePath(name).name == name
+        and name.isprintable()
+        and 0 < len(name.encode()) < 256
+    )
 
 
 def set_aside(
@@ -144,7 +155,8 @@ def set_aside(
     """
     for left in folder.glob(f"{_PART[0]}*{_PART[1]}"):  # of a process that was killed here
         shutil.rmtree(left, ignore_errors=True)
-    paths = [folder / name for name in dict.fromkeys(names) if (folder / name).exists()]
+    own = [name for name in dict.fromkeys(names) if _plain(name)]
+    paths = [folder / name for name in own if (folder / name).exists()]
     if not paths:
         return None
     part = pathlib.Path(tempfile.mkdtemp(prefix=_PART[0], suffix=_PART[1], dir=folder))

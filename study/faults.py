@@ -107,4 +107,5 @@ def unreadable(error: OSError | ValueError) -> str:
     """Why a text file cannot be read: the first byte that is no UTF-8, or what the system says."""
     if isinstance(error, UnicodeDecodeError):
         return f"not a UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
-    return f"the file cannot be read: {error}"
+    reason = error.strerror if isinstance(error, OSError) else "its path is no path of a file"
+    return f"the file cannot be read: {reason or 'the system does not say why'}"

@@ -29,7 +29,7 @@ def identity(document: Mapping[str, Any]) -> str | None:
         inputs = sorted((str(entry["file"]), str(entry["sha256"])) for entry in origin["inputs"])
         with contextlib.redirect_stderr(io.StringIO()):
             options = vars(parse([str(word) for word in origin["command"][1:]]))
-    except (KeyError, TypeError, IndexError, AttributeError, SystemExit):
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, SystemExit):
         return None
     plain = {
         name: value.tolist() if isinstance(value, np.ndarray) else value

@@ -170,7 +170,7 @@ def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
         "openings": list(mesh.openings),
         "labels": _labels(mesh),
         "sections": _sections(mesh, anatomy),
-        "histograms": _histograms(mesh),
+        "histograms": _measured_histograms(case, mesh),
     }
     progress.step(f"drawing, {state}")
     start = time.perf_counter()
@@ -280,8 +280,22 @@ def _pieces(segments: np.ndarray) -> list[list[float]]:
     return [[float(f"{x:.4g}") for x in row] for row in (segments / MM).reshape(-1, 4)]
 
 
+def _measured_histograms(case: Case, mesh: Mesh) -> dict[str, Any]:
+    """The histograms of a mesh; a finished one whose wall cannot be measured is refused."""
+    try:
+        return _histograms(mesh)
+    except ValueError as error:
+        if isinstance(case.anatomy, MeshAnatomy):
+            raise CaseError([file_fault(case.anatomy.places[0], error)]) from error
+        raise
+
+
 def _histograms(mesh: Mesh) -> dict[str, Any]:
-    """Counts of the smallest dihedral angle by region, and of the thickness of the wall."""
+    """Counts of the smallest dihedral angle by region, and of the thickness of the wall.
+
+    Raises:
+        ValueError: the wall has no thickness somewhere.
+    """
     angles = {}
     for region in Region:
         tets = mesh.tets_of(region)
@@ -294,6 +308,13 @@ def _histograms(mesh: Mesh) -> dict[str, Any]:
         measured = wall_thickness(mesh)
         parts = {"wall": measured.of_wall / MM, "septum": measured.of_septum / MM}
         parts = {name: values for name, values in parts.items() if len(values)}
+        for name, values in parts.items():
+            bad = ~(np.isfinite(values) & (values > 0.0))
+            if np.any(bad):
+                raise ValueError(
+                    f"the {name} has no thickness at {np.sum(bad)} of {len(bad)} places. Check"
+                    " that blood and wall are not exchanged, and mesh the wall anew."
+                )
         top = max((np.percentile(values, 97.0) for values in parts.values()), default=1.0)
         edges = np.linspace(0.0, 1.1 * top, _THICKNESS_BINS + 1)
         found["thickness_mm"] = {

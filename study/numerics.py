@@ -47,7 +47,7 @@ PACKAGES = ("lumped", "jaxfsi", "calibration", "diagnosis", "study")
 PARTS: dict[str, tuple[str, ...]] = {
     "anatomy": (
         "jaxfsi/anatomy/*", "jaxfsi/contours.py", "jaxfsi/faces.py", "jaxfsi/lumen.py",
-        "jaxfsi/opening.py", "study/anatomy_source.py",
+        "jaxfsi/opening.py", "jaxfsi/text_files.py", "study/anatomy_source.py",
     ),
     "meshing": (
         "jaxfsi/mesh.py", "jaxfsi/mesh_checks.py", "jaxfsi/mesh_files/*", "jaxfsi/mesh_parts.py",

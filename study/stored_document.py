@@ -1,12 +1,14 @@
 """Documents as text and back: what the JSON files of all commands have in common."""
 
 import json
+import os
 import pathlib
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from study.faults import CaseError, Fault
 from study.result_files import (
+    CALIBRATION_FILE,
     COHORT_FILE,
     DIAGNOSIS_FILE,
     MESH_FILE,
@@ -14,6 +16,7 @@ from study.result_files import (
     RESULT_FILE,
     SIMULATION_FILE,
     STUDY_FILE,
+    SWEEP_FILE,
 )
 from study.stored_parts import Damage, Trail, last_read, parse
 
@@ -38,6 +41,8 @@ _FILES = (
     DIAGNOSIS_FILE,
     PLAN_FILE,
     MESH_FILE,
+    CALIBRATION_FILE,
+    SWEEP_FILE,
 )
 """Documents of a folder; where it holds more than one, the first is shown."""
 
@@ -89,11 +94,16 @@ def load_document(path: pathlib.Path) -> Document:
         return CaseError([Fault(file, "", None, problem, "", _CURE)])
 
     try:
+        # a device or a pipe has no size, and no end
+        if file.exists() and not file.is_file():
+            raise refusal("no regular file")
         if file.stat().st_size > LARGEST_SIZE:
             raise refusal(f"larger than any result ({LARGEST_SIZE // 2**20} MiB)")
         document = parse(file.read_bytes(), Trail())
     except OSError as error:
-        raise refusal(f"cannot be opened: {error.strerror or error}") from None
+        raise refusal(
+            f"cannot be opened: {error.strerror or 'the system does not say why'}"
+        ) from None
     except Damage as damage:
         raise refusal(f"the document is damaged: {damage}") from None
     if not isinstance(document, dict) or document.get("format") != FORMAT:
@@ -124,5 +134,8 @@ def readable(path: pathlib.Path, document: Document, use: Callable[[], _Made]) -
 
 
 def _file_of(path: pathlib.Path) -> pathlib.Path:
-    held = [path / name for name in _FILES if (path / name).is_file()]
-    return (held or [path / RESULT_FILE])[0] if path.is_dir() else path
+    if not path.is_dir():
+        return path
+    named = [path / name for name in _FILES if os.path.lexists(path / name)]
+    regular = [file for file in named if file.is_file()]
+    return (regular or named or [path / RESULT_FILE])[0]

@@ -5,6 +5,7 @@ import pathlib
 from study.algorithm_report import stored_study_report
 from study.cohort_command import cohort_report
 from study.diagnosis_report import diagnosis_report
+from study.faults import CaseError, Fault
 from study.mesh_results import stored_pictures
 from study.report import html_report, simulation_report
 from study.result_files import (
@@ -27,6 +28,10 @@ _NAMES = {
 }
 
 
+WITHOUT_PAGE = ("calibrate", "sweep", "plan")
+"""Kinds of results that consist of numbers alone."""
+
+
 def page_name(document: Document) -> str:
     """Name of the file of a document's page."""
     return _NAMES.get(document["kind"], REPORT_FILE)
@@ -40,8 +45,12 @@ def stored_page(result: pathlib.Path, document: Document) -> str:
         document: what the file holds.
 
     Raises:
+        CaseError: there is no page of such a result.
         KeyError, TypeError, IndexError, ValueError: a part of it is missing or damaged.
     """
+    if document["kind"] in WITHOUT_PAGE:
+        cure = "leave out --out: the result is printed"
+        raise CaseError([Fault(result, "", None, "a result of this kind has no page", "", cure)])
     folder = result if result.is_dir() else result.parent
     if document["kind"] == "cohort":
         return cohort_report(document)

@@ -173,7 +173,7 @@ def _read_location(key: Location, value: str, place: str, context: Context) -> p
         exists, is_file, is_folder = path.exists(), path.is_file(), path.is_dir()
         size = path.stat().st_size if is_file else 1
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = getattr(error, "strerror", None) or "it is no path of a file"
         context.add(place, value, f"the path cannot be used: {reason}", cure, key.allowed)
         return None
     if (is_file and size > 0) or (is_folder and key.folder):

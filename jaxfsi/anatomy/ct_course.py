@@ -23,6 +23,7 @@ import scipy.ndimage
 import scipy.optimize
 from jaxtyping import Float
 
+from jaxfsi.text_files import read_text
 from lumped.units import MM
 
 OstiumEnd = Literal["auto", "first", "last"]
@@ -72,12 +73,8 @@ def read_centerline(path: str | os.PathLike[str]) -> Float[np.ndarray, "points 3
     """
     path = pathlib.Path(path)
     hint = "Expected one point a line: x, y, z in mm, separated by commas."
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be opened ({error.strerror}). Check the path.") from error
     points, faults = [], []
-    for i, line in enumerate(text.splitlines(), start=1):
+    for i, line in enumerate(read_text(path).splitlines(), start=1):
         if not line.strip():
             continue
         try:

@@ -11,7 +11,6 @@ The direction of a slit is the axis of its second moments: tan 2ψ = 2 S_xy/(S_x
 S = Σ (p − c)(p − c)ᵀ over the outline.
 """
 
-import csv
 import os
 import pathlib
 from typing import NamedTuple
@@ -21,6 +20,7 @@ from jaxtyping import Float, Int
 
 from jaxfsi.contours import read_ivus_contours
 from jaxfsi.lumen import Lumen
+from jaxfsi.text_files import read_table, read_text
 from lumped.units import MM
 
 _DIRECTED_ELLIPTICITY = 1.25
@@ -32,6 +32,7 @@ _LENGTHS_APART = 3.0  # factor between two lengths of one pullback that no motio
 _AREAS_APART = 3.0
 _REFERENCE_REACH_MM = 40.0
 _REFERENCE_SLIP_MM = 2.0
+_MOST_SHOWN = 8
 
 
 class Pullback(NamedTuple):
@@ -143,11 +144,7 @@ def _aortic_directions(
 
 
 def _rows(path: pathlib.Path, delimiter: str) -> list[list[str]]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be opened ({error.strerror}). Check the path.") from error
-    return [line.split(delimiter) for line in text.splitlines() if line.strip()]
+    return [line.split(delimiter) for line in read_text(path).splitlines() if line.strip()]
 
 
 def _frame_numbers(path: pathlib.Path) -> Int[np.ndarray, " frames"]:
@@ -186,8 +183,7 @@ def _check_table(
             f"{path}: positions span {span:g} mm, z of the contours {height:g} mm."
             f" {guess}; or take the frame table of the same pullback."
         )
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        stated = {int(float(r["frame"])): r.get("lumen_area") or "" for r in csv.DictReader(file)}
+    stated = {int(float(r["frame"])): r.get("lumen_area", "") for _, r in read_table(path)}
     along = [number for _, number in sorted(zip(positions_mm, z_mm, strict=True))]
     own = dict(zip(along, (np.asarray(lumen.area) / MM**2).tolist(), strict=True))
     ratios = [float(text) / own[n] for n, text in stated.items() if n in own and _is_number(text)]
@@ -229,19 +225,19 @@ def _thicknesses(path: pathlib.Path) -> tuple[dict[int, float], dict[int, float]
     thickness: dict[int, float] = {}
     faults: list[str] = []
     low, high = _THICKNESS_RANGE_MM
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        reader = csv.DictReader(file)
-        for row in reader:
-            number = int(float(row["frame"]))
-            position[number] = float(row["position"])
-            text = (row.get(_THICKNESS_COLUMN) or "").strip()
-            try:
-                thickness[number] = float(text) if text else np.nan
-            except ValueError:
-                faults.append(f"line {reader.line_num}: {_THICKNESS_COLUMN} {text!r}")
-                continue
-            if text and not low <= thickness[number] <= high:
-                faults.append(f"line {reader.line_num}: {_THICKNESS_COLUMN} = {text} mm")
+    for line, row in read_table(path):
+        number = int(float(row["frame"]))
+        position[number] = float(row["position"])
+        text = row.get(_THICKNESS_COLUMN, "").strip()
+        try:
+            thickness[number] = float(text) if text else np.nan
+        except ValueError:
+            faults.append(f"line {line}: {_THICKNESS_COLUMN} {text[:40]!r}")
+            continue
+        if text and not low <= thickness[number] <= high:
+            faults.append(f"line {line}: {_THICKNESS_COLUMN} = {text[:40]} mm")
+    if len(faults) > _MOST_SHOWN:
+        faults[_MOST_SHOWN:] = [f"and {len(faults) - _MOST_SHOWN} more"]
     if faults:
         raise ValueError(
             f"{path}: {'; '.join(faults)}. The tissue between aorta and lumen must be a number"
@@ -267,12 +263,16 @@ def _reference_point(
     try:
         number, x, y, z = (float(field) for field in rows[0])
     except ValueError as error:
-        raise ValueError(f"{path}: {rows[0]} is not four numbers. {hint}") from error
+        raise ValueError(f"{path}: {_shown(rows[0])} is not four numbers. {hint}") from error
     if not np.all(np.isfinite([number, x, y, z])):
-        raise ValueError(f"{path}: {rows[0]} is not four finite numbers. {hint}")
+        raise ValueError(f"{path}: {_shown(rows[0])} is not four finite numbers. {hint}")
     if number not in numbers:
         raise ValueError(
             f"{path}: frame {number:g} is not among the contours."
             " Use the reference point of the same pullback."
         )
     return int(number), np.array([x, y]) * MM, z
+
+
+def _shown(fields: list[str]) -> str:
+    return repr(" ".join(fields)[:60])

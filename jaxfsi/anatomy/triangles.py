@@ -21,6 +21,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 
 from jaxfsi.mesh_files.vtp import read_vtp
+from jaxfsi.text_files import why
 
 _SUFFIXES = (".stl", ".ply", ".obj", ".vtp")
 _MERGE = 1e-6  # distance of corners that are one point, over the diagonal of the surface
@@ -111,7 +112,7 @@ def _loaded(path: pathlib.Path, suffix: str) -> Triangles:
         points = np.asarray(mesh.vertices, dtype=float).reshape(-1, 3)
         faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
     except Exception as error:  # the reader has no exception of its own
-        raise ValueError(f"{path}: cannot be read as {suffix[1:]} ({error}). {hint}") from error
+        raise ValueError(f"{path}: cannot be read as {suffix[1:]}: {why(error)}. {hint}") from error
     if len(faces) and not 0 <= faces.min() <= faces.max() < len(points):
         raise ValueError(f"{path}: triangles name points that are not there. {hint}")
     return Triangles(points, faces)

@@ -13,6 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float, Int
 
+from jaxfsi.text_files import Malformed, why
+
 _LEVEL = 1  # most of the gain for a fraction of the time
 _TETRA = 10
 _TRIANGLE = 5
@@ -111,12 +113,14 @@ def read_time(path: pathlib.Path) -> float:
     begin = content.find(_DATA_MARK)
     try:
         if begin < 0:
-            raise ValueError("it has no appended data")
+            raise Malformed("it has no appended data")
         at = begin + len(_DATA_MARK)
         size = int(np.frombuffer(content, "<u8", 4, at)[3])
         return float(np.frombuffer(zlib.decompress(content[at + 32 : at + 32 + size]), "<f8", 1)[0])
     except (ValueError, zlib.error) as error:
-        raise ValueError(f"{path} is no frame: {error}. Remove it, or write it again.") from None
+        raise ValueError(
+            f"{path} is no frame: {why(error)}. Remove it, or write it again."
+        ) from None
 
 
 def write_whole(path: pathlib.Path, content: bytes, *, lasting: bool = False) -> None:

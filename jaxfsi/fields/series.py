@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ET
 from typing import NamedTuple
 
 from jaxfsi.fields.frame import read_time, write_whole
+from jaxfsi.text_files import why
 
 _STEP = re.compile(r"_(\d+)\.[a-z]+$")
 
@@ -79,4 +80,6 @@ def read_series(path: pathlib.Path) -> list[Entry]:
         root = ET.parse(path).getroot()
         return [Entry(float(e.attrib["timestep"]), e.attrib["file"]) for e in root.iter("DataSet")]
     except (ET.ParseError, KeyError, ValueError) as error:
-        raise ValueError(f"{path} is no PVD file: {error}. Remove it, or write it again.") from None
+        raise ValueError(
+            f"{path} is no PVD file: {why(error)}. Remove it, or write it again."
+        ) from None

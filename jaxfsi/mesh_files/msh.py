@@ -163,8 +163,10 @@ def _check_numbers(raw: bytes, path: pathlib.Path) -> None:
         start = raw.index(b"$" + name) + len(name) + 1
         section = raw[start : raw.find(b"$End" + name)].lstrip()
         counts = section.split(b"\n", 1)[0].split()
-        if all(count.isdigit() for count in counts):
-            wrong = [int(count) for count in counts[:2] if int(count[:20]) > len(raw)]
+        if all(re.fullmatch(rb"-?\d+", count) for count in counts):
+            wrong = [
+                int(count[:20]) for count in counts[:2] if not 0 <= int(count[:20]) <= len(raw)
+            ]
             long = _LONG_NUMBER.search(section)
             if wrong or long:
                 number = wrong[0] if wrong else long[1].decode()[:20] if long else ""

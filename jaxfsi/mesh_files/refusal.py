@@ -1,6 +1,7 @@
 """How bad files are refused and good ones written: one clear error, never half a file."""
 
 import contextlib
+import lzma
 import os
 import pathlib
 import shutil
@@ -13,6 +14,8 @@ import zlib
 from collections.abc import Iterator
 
 import meshio
+
+from jaxfsi.text_files import why
 
 
 class MeshFileError(ValueError):
@@ -31,6 +34,8 @@ _PARSER_ERRORS = (
     LookupError,
     MemoryError,
     OSError,
+    RecursionError,
+    lzma.LZMAError,
     ET.ParseError,
     TypeError,
     ValueError,
@@ -70,10 +75,9 @@ def reading(path: pathlib.Path, kind: str) -> Iterator[None]:
     except MeshFileError:
         raise
     except _PARSER_ERRORS as error:
-        reason = str(error).strip() or "its structure is broken"
         raise MeshFileError(
-            f"{path} cannot be read as {kind}: {reason}. It may be truncated or of another format;"
-            " write it again."
+            f"{path} cannot be read as {kind}: {why(error)}. It may be truncated or of another"
+            " format; write it again."
         ) from error
 
 

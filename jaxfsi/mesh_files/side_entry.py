@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.refusal import MeshFileError, reading
+from jaxfsi.text_files import Malformed
 
 _FORMAT = "jaxfsi mesh"
 
@@ -32,7 +33,7 @@ class SideEntry(NamedTuple):
 def _plain(value: object) -> object:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
-    raise TypeError(f"{value!r} is no plain value")
+    raise TypeError(f"a {type(value).__name__} is no plain value")
 
 
 def entry_text(mesh: Mesh, unit: str) -> str:
@@ -45,19 +46,23 @@ def entry_text(mesh: Mesh, unit: str) -> str:
     try:
         return json.dumps(entry, default=_plain, allow_nan=False)
     except (TypeError, ValueError) as error:
+        reason = str(error) if isinstance(error, TypeError) else "a number is not finite"
         raise MeshFileError(
-            f"the meta of the mesh cannot be written: {error}. Keep to text, numbers, lists and"
+            f"the meta of the mesh cannot be written: {reason}. Keep to text, numbers, lists and"
             " dictionaries of them."
         ) from error
 
 
 def parsed_entry(entry: object) -> SideEntry:
-    """Side entry from parsed JSON; raises LookupError or TypeError on anything else."""
+    """Side entry from parsed JSON; raises `Malformed` on anything else."""
     if not isinstance(entry, dict):
-        raise TypeError("its side entry is no table")
+        raise Malformed("its side entry is no table")
+    lacks = [key for key in ("unit", "label_names", "meta") if key not in entry]
+    if lacks:
+        raise Malformed(f"its side entry lacks {', '.join(lacks)}")
     names, meta = entry["label_names"], entry["meta"]
     if not isinstance(names, list) or not isinstance(meta, dict):
-        raise TypeError("its side entry is malformed")
+        raise Malformed("label_names of its side entry is no list, or meta no table")
     return SideEntry(str(entry["unit"]), tuple(str(name) for name in names), meta)
 
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxfsi.mesh_files.refusal import MeshFileError
+from jaxfsi.text_files import Malformed
 
 _BLOCK_SIZE = 1 << 20
 _DEEPEST = 50  # elements within each other
@@ -226,7 +227,7 @@ def _block(file: VtkXml, data: bytes) -> bytes:
             for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
         )
     if len(content) != n_bytes:
-        raise ValueError(f"a data array has {len(content)} of {n_bytes} bytes")
+        raise Malformed(f"a data array has {len(content)} of {n_bytes} bytes")
     return content
 
 
@@ -235,7 +236,7 @@ def read_array(file: VtkXml, element: ET.Element) -> np.ndarray:
     name = element.get("Name", "")
     kind = element.get("type", "")
     if kind not in _TYPES:
-        raise ValueError(f"the data array {name!r} has the type {kind!r}")
+        raise Malformed(f"the data array {name!r} has the type {kind!r}")
     dtype = np.dtype(file.byte_order + _TYPES[kind])
     form = element.get("format", "ascii")
     text = (element.text or "").encode()
@@ -253,7 +254,7 @@ def _numbers_in(text: bytes) -> list[bytes]:
     numbers = text.split()
     longest = max(map(len, numbers), default=0)
     if longest > _LONGEST_NUMBER:
-        raise ValueError(f"a number has {longest} digits; {_LONGEST_NUMBER} are read")
+        raise Malformed(f"a number has {longest} digits; {_LONGEST_NUMBER} are read")
     return numbers
 
 

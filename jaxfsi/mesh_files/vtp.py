@@ -16,6 +16,7 @@ from jaxfsi.mesh_files.vtk_xml import (
     open_vtk_xml,
     read_array,
 )
+from jaxfsi.text_files import Malformed
 
 _CELL_KINDS = (
     "Verts",
@@ -75,7 +76,7 @@ def _piece(file: VtkXml, piece: ET.Element, path: pathlib.Path) -> TriangleFile:
     connectivity = _array_in(file, piece, "Polys", "connectivity").astype(np.int64)
     offsets = _array_in(file, piece, "Polys", "offsets").astype(np.int64)
     if len(points) != count["Points"] or len(offsets) != count["Polys"]:
-        raise ValueError(
+        raise Malformed(
             f"{len(points)} of {count['Points']} points and {len(offsets)} of {count['Polys']}"
             " polygons are there"
         )
@@ -84,7 +85,7 @@ def _piece(file: VtkXml, piece: ET.Element, path: pathlib.Path) -> TriangleFile:
             f"{path} has faces that are not triangles. Triangulate it (in ParaView: Triangulate)."
         )
     if connectivity.size and not 0 <= connectivity.min() <= connectivity.max() < len(points):
-        raise ValueError("triangles name points that are not there")
+        raise Malformed("triangles name points that are not there")
     first = count["Verts"] + count["Lines"]
     cells = _data_in(file, piece, "CellData")
     n_cells = first + len(offsets)
@@ -94,7 +95,7 @@ def _piece(file: VtkXml, piece: ET.Element, path: pathlib.Path) -> TriangleFile:
     ):
         short = [name for name, values in data.items() if len(values) != size]
         if short:
-            raise ValueError(f"data on {where} have the wrong length: {', '.join(short)}")
+            raise Malformed(f"data on {where} have the wrong length: {', '.join(short)}")
     cell_data = {name: values[first:] for name, values in cells.items()}
     return TriangleFile(points, connectivity.reshape(-1, 3), point_data, cell_data)
 
@@ -105,7 +106,7 @@ def _array_in(file: VtkXml, piece: ET.Element, section: str, name: str | None) -
             return read_array(file, element)
     if section == "Polys":
         return np.zeros(0, dtype=np.int64)
-    raise ValueError(f"{section} are missing")
+    raise Malformed(f"{section} are missing")
 
 
 def _data_in(file: VtkXml, piece: ET.Element, section: str) -> dict[str, np.ndarray]:

@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import pathlib
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
@@ -16,6 +17,7 @@ from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
 from jaxfsi.mesh_files.vtk_xml import LARGEST_ARRAY, check_xml
 from jaxfsi.opening import Opening
+from jaxfsi.text_files import Malformed
 
 
 def _need_h5py() -> None:
@@ -57,7 +59,10 @@ def _check_sources(path: pathlib.Path) -> None:
     total = 0
     for item in ET.fromstring(text).iter("DataItem"):
         form, source = item.get("Format", "XML"), (item.text or "").strip()
-        counts = [int(count) for count in item.get("Dimensions", "0").split()]
+        given = item.get("Dimensions", "0")
+        if not re.fullmatch(r"\s*\d{1,18}(\s+\d{1,18})*\s*", given, re.ASCII):
+            raise Malformed(f"the Dimensions {given[:40]!r} of an array are no whole numbers")
+        counts = [int(count) for count in given.split()]
         total += 8 * math.prod(counts)
         if total > LARGEST_ARRAY:
             raise MeshFileError(
@@ -81,7 +86,7 @@ def _check_dataset(store: pathlib.Path, place: str, size: int, path: pathlib.Pat
     import h5py
 
     with h5py.File(store, "r") as file:
-        held = file[place]
+        held = file.get(place)
         if not isinstance(held, h5py.Dataset) or held.size != size:
             raise MeshFileError(
                 f"{path} announces {size} numbers under {place} of {store.name}, which does not"

@@ -23,6 +23,7 @@ from jaxfsi.fields.frame import write_whole
 from jaxfsi.simulation.observer import Memory
 from jaxfsi.simulation.record import Record
 from jaxfsi.simulation.step_control import Position
+from jaxfsi.text_files import why
 
 FORMAT = 1
 
@@ -117,7 +118,7 @@ def load_checkpoint(
         head = dict(json.loads(arrays.pop("head").tobytes()))
     except (OSError, *_DAMAGE) as error:
         raise CheckpointError(
-            path, f"cannot be read as a checkpoint: {error}", "Remove it to start again."
+            path, f"cannot be read as a checkpoint: {why(error)}", "Remove it to start again."
         ) from None
     if head.get("format") != FORMAT or head.get("run_hash") != run_hash:
         raise CheckpointError(

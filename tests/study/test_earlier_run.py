@@ -74,13 +74,41 @@ def test_result_of_other_input_or_options_is_set_aside_as_a_whole(tmp_path, new)
     assert str(tmp_path / "earlier-1") in told[0]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"kind": "run"}', '{"mesh": {"states": 3}}'])
+ABSURD = [
+    "",
+    "{",
+    "[]",
+    '{"kind": "run"}',
+    '{"mesh": {"states": 3}}',
+    '{"provenance": {"inputs": [], "command": ["jaxfsi", 1e999]}}',
+    f'{{"provenance": {{"inputs": [], "command": [0, {10**4000}]}}}}',
+    '{"mesh": {"states": {"a\\u0000b": {}}}}',
+]
+
+
+@pytest.mark.parametrize("text", ABSURD)
 def test_damaged_result_is_set_aside_too(tmp_path, text):
     (tmp_path / "result.json").write_text(text)
     (tmp_path / "report.html").write_text("page")
     before = content(tmp_path)
     make_way(tmp_path, document_of(), lambda _: None)
     assert content(tmp_path / "earlier-1") == before
+
+
+@pytest.mark.parametrize("way", ["up", "absolute"])
+def test_names_that_lead_elsewhere_are_not_moved(tmp_path, way):
+    # it leads to a folder of this test: code that follows it harms nothing else
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other/treasure.txt").write_text("of the user")
+    folder = tmp_path / "results"
+    folder.mkdir()
+    name = "../other" if way == "up" else str(tmp_path / "other")
+    command = ("cohort", "dir")
+    stand(folder, document_of("cohort", command, patients=[{"name": name}]))
+    make_way(folder, document_of("cohort", command, sha="b" * 64), lambda _: None)
+    assert set_aside(folder, [name]) is None
+    assert (tmp_path / "other/treasure.txt").read_text() == "of the user"
+    assert not (folder / "earlier-1/other").exists()
 
 
 def test_results_of_two_commands_stand_side_by_side_unless_their_files_meet(tmp_path):

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import os
 import pathlib
 from collections.abc import Iterator
 from typing import Any
@@ -167,3 +168,29 @@ def test_document_that_is_read_equals_what_was_written(tmp_path):
     for kind in KINDS:
         (tmp_path / "result.json").write_text(json.dumps(_document(kind)))
         assert load_document(tmp_path) == _document(kind)
+
+
+@pytest.mark.parametrize("name", ["result.json", "mesh.json", "sweep.json"])
+@pytest.mark.parametrize("target", ["/dev/zero", "pipe", "folder", "nowhere"])
+def test_what_is_no_regular_file_is_refused_by_its_name(name, target, command, tmp_path):
+    (tmp_path / "folder").mkdir()
+    if target == "pipe":
+        os.mkfifo(tmp_path / name)
+    else:
+        (tmp_path / name).symlink_to(target)
+    shown = command("show", tmp_path)
+    says = "cannot be opened" if target == "nowhere" else "no regular file"
+    assert shown.status == 2
+    assert f"{tmp_path / name}: {says}" in shown.stderr
+    assert "try: " in shown.stderr
+
+
+def test_folder_that_holds_numbers_alone_is_shown_and_has_no_page(command, tmp_path):
+    (tmp_path / "sweep.json").write_text(json.dumps(_document("sweep")))
+    shown = command("show", tmp_path)
+    assert (shown.status, shown.stderr) == (0, "")
+    assert "dobutamine" in shown.stdout
+    drawn = command("show", tmp_path, folder=tmp_path / "page")
+    assert drawn.status == 2
+    assert "a result of this kind has no page" in drawn.stderr
+    assert not (tmp_path / "page").exists()

@@ -4,10 +4,13 @@ import pathlib
 import time
 import tracemalloc
 
+import numpy as np
 import pytest
 
-from study import CaseError, read_case
+from study import CaseError, mesh_case, read_case
 from study.faults import Fault
+from study.progress import Progress
+from tests.study import tube_case
 
 HEAD = '[patient]\nid = "a"\n'
 
@@ -86,3 +89,19 @@ def test_syntax_errors_are_said_in_own_words(tmp_path, line):
     assert SYNTAX[line] in said
     assert "Cannot" not in said
     assert "Expected" not in said
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
+def test_finished_mesh_whose_wall_has_no_thickness_is_refused(tmp_path, monkeypatch, value):
+    monkeypatch.setenv("JAXFSI_CACHE_DIR", str(tmp_path / "cache"))
+    measured = mesh_case.wall_thickness
+
+    def spoilt(mesh):
+        found = measured(mesh)
+        return found._replace(thickness=np.full_like(found.thickness, value))
+
+    monkeypatch.setattr(mesh_case, "wall_thickness", spoilt)
+    case = tube_case.write_case(tmp_path)
+    with Progress() as progress, pytest.raises(CaseError) as caught:
+        mesh_case.mesh_state(read_case(case), "finished", progress)
+    assert f"{tmp_path / 'tube.vtu'}: the wall has no thickness at " in str(caught.value)

@@ -1,0 +1,80 @@
+"""Texts and tables from files, and why a file cannot be read, said without any parser's words."""
+
+import binascii
+import csv
+import io
+import json
+import lzma
+import pathlib
+import xml.etree.ElementTree as ET
+import xml.parsers.expat
+import zipfile
+import zlib
+from collections.abc import Iterator
+
+AGAIN = "Save it again as UTF-8"
+
+
+class Malformed(ValueError):
+    """What is wrong with the content of a file, in words for its user."""
+
+
+def why(error: Exception) -> str:
+    """Why a file cannot be read, from whatever a parser raised."""
+    match error:
+        case Malformed():
+            return str(error)
+        case UnicodeDecodeError():
+            return f"it is no UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
+        case json.JSONDecodeError():
+            return f"it is no valid JSON at line {error.lineno}, column {error.colno}"
+        case ET.ParseError():
+            line, column = error.position
+            return f"it is no valid XML at line {line}, column {column + 1}"
+        case xml.parsers.expat.ExpatError():
+            return f"it is no valid XML at line {error.lineno}, column {error.offset + 1}"
+        case OSError() if error.strerror:
+            return error.strerror[:1].lower() + error.strerror[1:]
+        case zlib.error() | lzma.LZMAError() | zipfile.BadZipFile() | binascii.Error() | EOFError():
+            return "its packed data are damaged or break off"
+        case MemoryError():
+            return "it announces more than there is memory for"
+        case RecursionError():
+            return "it is nested too deeply"
+        case csv.Error():
+            return "a cell of its table is longer than any number, or a quote is never closed"
+    return "what it announces and what it holds do not fit together"
+
+
+def read_text(path: pathlib.Path) -> str:
+    """The text of a file; a byte-order mark is skipped.
+
+    Raises:
+        ValueError: the file cannot be opened, or is no UTF-8 text.
+    """
+    try:
+        return path.read_bytes().decode("utf-8").removeprefix("\ufeff")
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be opened ({why(error)}). Check the path.") from error
+    except UnicodeDecodeError as error:
+        place = f"byte {error.start} is {error.object[error.start]:#04x}"
+        raise ValueError(f"{path}: is not a UTF-8 text ({place}). {AGAIN}.") from error
+
+
+def read_table(path: pathlib.Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """Rows of a comma-separated table by the names of its first line, each with its line.
+
+    Cells that are missing are empty, those beyond the header left out.
+
+    Raises:
+        ValueError: the file cannot be read, or holds no such table.
+    """
+    reader = csv.DictReader(io.StringIO(read_text(path), newline=""), restval="")
+    try:
+        for row in reader:
+            yield reader.line_num, {key: cell for key, cell in row.items() if key is not None}
+    except csv.Error as error:
+        raise ValueError(
+            f"{path}: line {reader.line_num} is no row of a table ({why(error)}). Save it as"
+            " comma-separated text."
+        ) from error

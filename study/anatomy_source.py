@@ -18,10 +18,17 @@ from jaxfsi.anatomy import Anatomy, Cut, IvusOptions, SurfaceOptions
 from jaxfsi.anatomy import SyntheticAnatomy as Parameters
 from jaxfsi.mesh_files import read_mesh, read_mesh_complete
 from jaxfsi.mesh_parts import canonically_labelled
+from jaxfsi.meshing.quality import triangle_areas
 from lumped.units import MM
 from study.case import Case, WallParameters
 from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy, SyntheticAnatomy
 from study.faults import CaseError, Fault
+
+_AORTA_RADIUS = (0.3, 4.0)
+"""Radius of an opening of the aorta, from a newborn's to an aneurysm's [cm]."""
+
+_SMALLEST_RADIUS = 0.05
+"""Radius of the largest opening of a coronary alone [cm]."""
 
 _CLINICAL = {"cm": ("mm", 1.0 / MM), "rad": ("deg", 180.0 / math.pi)}
 
@@ -88,7 +95,32 @@ def case_mesh(case: Case) -> Mesh:
                 f"all {len(mesh.tets)} tetrahedra of the mesh are wall; none is blood. Mark the"
                 " tetrahedra of the blood with region 0, or name the folder of the blood."
             )
+        _check_size(mesh, anatomy.unit)
     return canonically_labelled(mesh)
+
+
+def _check_size(mesh: Mesh, unit: str) -> None:
+    """Refuse a mesh whose openings are not those of a vessel in its unit.
+
+    Raises:
+        ValueError: names the largest opening and its radius.
+    """
+    radius = {
+        name: math.sqrt(triangle_areas(mesh.points, mesh.labelled(name)).sum() / math.pi)
+        for name in mesh.openings
+    }
+    aorta = {name: value for name, value in radius.items() if name.startswith("aorta")}
+    chosen = aorta or radius
+    if not chosen:
+        return
+    name = max(chosen, key=chosen.__getitem__)
+    low, high = (_AORTA_RADIUS[0] if aorta else _SMALLEST_RADIUS), _AORTA_RADIUS[1]
+    if not low <= chosen[name] <= high:
+        raise ValueError(
+            f"the largest opening, {name}, has a radius of {chosen[name]:.3g} cm, expected"
+            f" {low:g}..{high:g} cm: the unit ({unit}) is probably wrong. Give the unit of the"
+            " coordinates, or scale the mesh."
+        )
 
 
 def _known_state(case: Case, state: str | None) -> str:

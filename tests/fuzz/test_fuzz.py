@@ -25,17 +25,7 @@ WATCHED = ("endless", "file: endless", "large", "bytes: endless")
 """Damage that takes a watch from outside where a promise is broken."""
 
 
-UNIT = "a finished mesh in another unit is not told from a small or large one"
-
-
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "case",
-        "record",
-        pytest.param("geometry", marks=pytest.mark.xfail(reason=UNIT, strict=False)),
-    ],
-)
+@pytest.mark.parametrize("kind", FEW)
 def test_a_few_damaged_inputs(kind):
     # computing is left to the slow run: an input that is accepted is not computed
     trials = (

@@ -101,6 +101,17 @@ def in_mm(folder: pathlib.Path) -> str:
     return SURFACE
 
 
+def scaled_mesh(folder: pathlib.Path, factor: float, name: str = "aorta_inlet") -> str:
+    mesh = tube_case.three_openings()
+    labels = {"aorta_inlet": name, "aorta_inlet_ring": f"{name}_ring"}
+    if name != "aorta_inlet":
+        labels |= {f"aorta_outlet{end}": f"outflow{end}" for end in ("", "_ring")}
+    names = tuple(labels.get(label, label) for label in mesh.label_names)
+    mesh = dataclasses.replace(mesh, points=factor * mesh.points, label_names=names)
+    write_mesh(folder / "mesh.vtu", mesh, unit="cm", any_size=True)
+    return '[anatomy]\nkind = "mesh"\npath = "mesh.vtu"\nunit = "cm"\n'
+
+
 def empty(folder: pathlib.Path) -> str:
     (folder / "lumen.stl").write_bytes(b"")
     return SURFACE
@@ -216,6 +227,19 @@ BAD: dict[str, tuple[Callable[[pathlib.Path], str], str]] = {
             folder, contours=(BUNDLED / "rest_diastole_contours.csv").read_text()[:200_003]
         ),
         "3 values instead of 4",
+    ),
+    "mesh ten times too large": (
+        lambda folder: scaled_mesh(folder, 10.0),
+        "the largest opening, aorta_inlet, has a radius of 9.67 cm, expected 0.3..4 cm: the unit"
+        " (cm) is probably wrong",
+    ),
+    "mesh ten times too small": (
+        lambda folder: scaled_mesh(folder, 0.12),
+        "aorta_inlet, has a radius of 0.116 cm, expected 0.3..4 cm: the unit (cm)",
+    ),
+    "mesh of a coronary ten times too large": (
+        lambda folder: scaled_mesh(folder, 12.0, "inflow"),
+        "inflow, has a radius of 11.6 cm, expected 0.05..4 cm: the unit (cm) is probably wrong",
     ),
     "mesh in another unit": (lambda folder: finished(folder, unit="mm"), "lengths are in cm"),
     "truncated mesh": (lambda folder: finished(folder, share=0.6), "mesh.vtu"),

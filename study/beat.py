@@ -18,6 +18,9 @@ from study.schema import Quantity
 FEWEST_SAMPLES = 8
 """Below this a beat has no shape."""
 
+MOST_SAMPLES = 10_000
+"""Above this a beat has no more shape, and only takes longer."""
+
 LARGEST_SIZE = 2**24
 """Size beyond which a file cannot be one beat [bytes]."""
 
@@ -73,6 +76,11 @@ def read_beat(
     except (OSError, ValueError) as error:
         cure = "give a CSV text file with the header time_s,P_aorta_mmHg"
         refuse(None, unreadable(error), "", cure)
+        return None
+    if len(lines) > MOST_SAMPLES + 1:
+        count, allowed = len(lines) - 1, f"at most {MOST_SAMPLES}"
+        cure = f"keep every {-(-count // 1000)}th sample, or cut the record to one beat"
+        refuse(count, "more samples than a beat needs", allowed, cure)
         return None
     rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip()]
     wrong = _wrong_header(rows[0] if rows else [])

@@ -102,11 +102,12 @@ def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> 
         x, y = u[beat, sample] / _WINDOW, P[sample]
         degree = int(np.clip((x.size - at.size) // 3, 1, _DEGREE))
         powers = np.arange(1, degree + 1)
-        own = (beat[:, None] == np.arange(at.size)[None, :]).astype(float)
-        design = np.concatenate([own, x[:, None] ** powers], axis=1)
-        fit = np.linalg.lstsq(design, y, rcond=None)[0]
-        rest = y - design @ fit
-        slope = (powers * x[:, None] ** (powers - 1)) @ fit[at.size :] / (_WINDOW * period)
+        # a level of its own takes the mean of each beat out of the fit
+        design = _less_means(x[:, None] ** powers, beat, at.size)
+        wave = _less_means(y[:, None], beat, at.size)[:, 0]
+        fit = np.linalg.lstsq(design, wave, rcond=None)[0]
+        rest = wave - design @ fit
+        slope = (powers * x[:, None] ** (powers - 1)) @ fit / (_WINDOW * period)
         # a level of its own leaves a beat the part of the slope that is not constant within it
         inner = np.bincount(beat, slope, at.size) / np.maximum(
             np.bincount(beat, minlength=at.size), 1
@@ -120,6 +121,13 @@ def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> 
         freedom = max(x.size - at.size - degree, 1)
         sd = float(np.sqrt((rest**2).sum() / freedom / np.median(power)))
     return Upstrokes(at, sd)
+
+
+def _less_means(columns: np.ndarray, beat: np.ndarray, count: int) -> np.ndarray:
+    """Columns of values less the mean of each over the samples of the same beat."""
+    number = np.maximum(np.bincount(beat, minlength=count), 1)
+    means = [np.bincount(beat, column, count) / number for column in columns.T]
+    return columns - np.stack(means, axis=1)[beat]
 
 
 def rise_of(beat: np.ndarray) -> float:

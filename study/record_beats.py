@@ -28,7 +28,10 @@ WHOLE_BEATS = 0.1
 UNEVENNESS = 0.2
 """Shift of a sample up to which times count as uniform [steps]: rounded clock times pass."""
 
-LARGEST_SIZE = 2**26
+MOST_SAMPLES, MOST_BEATS = 120_000, 200
+"""Samples and beats of a recording beyond which it is refused: two minutes at 1 kHz."""
+
+LARGEST_SIZE = 2**24
 """Largest file [bytes]."""
 
 CLIPPED_SHARE = 0.03
@@ -75,6 +78,11 @@ def read_beats(
     t = table.pop("time")
     if not _ascending(t, refuse):
         return None
+    beats_held = float(t[-1] - t[0]) / period
+    if beats_held > MOST_BEATS:
+        cure = f"cut it to a steady stretch of at most {MOST_BEATS * period:.0f} s"
+        refuse(round(beats_held), "too many beats", f"at most {MOST_BEATS}", cure)
+        return None
     traces = {_SENSOR[name]: values for name, values in table.items()}
     folded = _by_index(t, traces, period)
     if folded is None:
@@ -95,11 +103,16 @@ def _table(path: pathlib.Path, refuse: Refuse) -> dict[str, np.ndarray] | None:
     header_text = ",".join(column.key for column in COLUMNS)
     try:
         if path.stat().st_size > LARGEST_SIZE:
-            refuse(None, "too large for some beats", "64 MiB", "cut the record to some beats")
+            cure = "cut it to a steady stretch of one or two minutes"
+            refuse(None, "too large for a recording", f"{LARGEST_SIZE // 2**20} MiB", cure)
             return None
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
         refuse(None, unreadable(error), "", f"give CSV text: {header_text}")
+        return None
+    if len(lines) > MOST_SAMPLES + 1:
+        cure = "cut it to a steady stretch, or keep every second or third sample (100 Hz is enough)"
+        refuse(len(lines) - 1, "too many samples", f"at most {MOST_SAMPLES}", cure)
         return None
     rows = [[cell.strip() for cell in line.split(",")] for line in lines if line.strip()]
     header = rows[0] if rows else []

@@ -1,5 +1,6 @@
 """What a refusal says: short, in the words of the format, and before any heavy work."""
 
+import math
 import pathlib
 import time
 import tracemalloc
@@ -9,7 +10,9 @@ import pytest
 
 from study import CaseError, mesh_case, read_case
 from study.faults import Fault
+from study.onsets import find_upstrokes
 from study.progress import Progress
+from study.record_beats import read_beats
 from tests.study import tube_case
 
 HEAD = '[patient]\nid = "a"\n'
@@ -89,6 +92,56 @@ def test_syntax_errors_are_said_in_own_words(tmp_path, line):
     assert SYNTAX[line] in said
     assert "Cannot" not in said
     assert "Expected" not in said
+
+
+def test_beat_of_more_samples_than_it_needs_is_refused_before_it_is_read(tmp_path):
+    rows = "".join(f"{k * 4e-6:.6f},{90 + 20 * math.sin(k / 3e4):.3f}\n" for k in range(200_000))
+    (tmp_path / "beat.csv").write_text(f"time_s,P_aorta_mmHg\n{rows}")
+    start = time.process_time()
+    said = said_of(
+        tmp_path,
+        HEAD + "[condition.rest]\nP_systolic_mmHg = 110\nP_diastolic_mmHg = 65\nperiod_s = 0.8\n"
+        'waveform = "beat.csv"\n',
+    )
+    assert time.process_time() - start < 1.0
+    assert "condition.rest.waveform = 200000: more samples than a beat needs" in said
+    assert "keep every 200th sample" in said
+
+
+def recording(path: pathlib.Path, seconds: float, rate: float) -> pathlib.Path:
+    t = np.arange(int(seconds * rate)) / rate
+    phase = np.mod(t / 0.7103, 1.0)
+    P = 70.0 + 45.0 * np.sin(np.pi * np.minimum(phase / 0.4, 1.0)) + 10.0 * np.exp(-3.0 * phase)
+    np.savetxt(path, np.stack([t, P], 1), "%.5f", ",", header="time_s,P_aorta_mmHg", comments="")
+    return path
+
+
+LONG = {
+    "ten minutes at 250 Hz": (590.0, 250.0, "147500: too many samples (allowed: at most 120000)"),
+    "ten minutes at 100 Hz": (590.0, 100.0, "831: too many beats (allowed: at most 200)"),
+}
+
+
+@pytest.mark.parametrize("claim", LONG)
+def test_long_recordings_are_refused_with_what_to_cut(tmp_path, claim):
+    seconds, rate, says = LONG[claim]
+    faults: list[Fault] = []
+    path = recording(tmp_path / "rest.csv", seconds, rate)
+    start = time.process_time()
+    assert read_beats(path, 0.71, 115.0, "condition.rest.file", faults) is None
+    assert time.process_time() - start < 3.0
+    (fault,) = faults
+    assert says in str(fault)
+    assert "cut it to a steady stretch" in str(fault)
+
+
+def test_a_minute_of_beats_is_aligned_in_no_time(tmp_path):
+    t, P = np.loadtxt(recording(tmp_path / "rest.csv", 60.0, 1000.0), delimiter=",", skiprows=1).T
+    start = time.process_time()
+    found = find_upstrokes(t, P, 0.71)
+    assert time.process_time() - start < 4.0
+    assert found.at.size >= 83
+    np.testing.assert_allclose(np.diff(found.at), 0.7103, atol=5e-4)
 
 
 @pytest.mark.parametrize("value", [0.0, np.nan, np.inf])

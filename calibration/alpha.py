@@ -12,7 +12,7 @@ Three ways, one answer:
 Source: Puelz et al. 2024, algorithm 1.
 """
 
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -22,6 +22,8 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from lumped import (
+    MMHG,
+    RESULTS,
     Condition,
     Network,
     Shooting,
@@ -29,14 +31,16 @@ from lumped import (
     aligned_times,
     averaged,
     march,
-    mean_state,
     raise_unless_successful,
     scale_resistances,
     steady_state,
     waveform_mean,
 )
-from lumped.parameters import Parameter, is_traced
+from lumped.parameters import Parameter, in_range, is_traced, nan_unless, only_if
+from lumped.periodic_solution import mean_start
+from lumped.results import as_result, is_successful
 from lumped.sources import PressureSource
+from lumped.surrogate import C0_NOMINAL, NOMINAL
 
 TOLERANCE = 1e-13
 """Of 1/α and 1/ratio, relative; Newton's last step is quadratic, so this is round-off."""
@@ -48,16 +52,16 @@ class AlphaFit(eqx.Module):
     """A calibrated scale factor.
 
     Attributes:
-        alpha: scale of R_1, R_2 and R_3 [-].
-        ratio: pressure ratio reached [-].
+        alpha: scale of R_1, R_2 and R_3 [-]; NaN where none was found.
+        ratio: pressure ratio reached [-]; NaN likewise.
         iterations: steps or model evaluations taken.
-        result: `optimistix.RESULTS`.
+        result: `lumped.RESULTS`, successful or the reason why not.
     """
 
     alpha: Float[Array, ""]
     ratio: Float[Array, ""]
     iterations: Any
-    result: optx.RESULTS
+    result: RESULTS = eqx.field(converter=as_result)
 
 
 def with_alpha(network: Network, alpha: Parameter) -> Network:
@@ -68,10 +72,14 @@ def with_alpha(network: Network, alpha: Parameter) -> Network:
 
 
 def mean_aortic_pressure(surrogate: Surrogate, condition: Condition) -> Array:
-    """Cycle mean of the aortic pressure of a condition [dyn/cm²]."""
+    """Cycle mean of the aortic pressure of a condition [dyn/cm²].
+
+    NaN where a traced number of the condition lies outside its range.
+    """
     source = surrogate.network(condition)["inlet"]
     assert isinstance(source, PressureSource)
-    return waveform_mean(source.waveform, condition.period)
+    usable = in_range((condition, source))
+    return waveform_mean(source.waveform, condition.period) * nan_unless(usable)
 
 
 def require_feasible(surrogate: Surrogate, condition: Condition, target: Parameter) -> None:
@@ -83,13 +91,16 @@ def require_feasible(surrogate: Surrogate, condition: Condition, target: Paramet
     if is_traced(target, *jax.tree.leaves((surrogate, condition))):
         return
     R0, ratio = np.asarray(surrogate.R0), np.asarray(target)
+    if not np.all(np.isfinite(ratio)):
+        raise ValueError(f"The pressure ratio {target} is not finite. Give the measured one.")
     if np.any(ratio >= 1.0):
         raise ValueError(
             f"A pressure ratio of {np.max(ratio):g} cannot be reached: with any resistance "
             "upstream the distal mean lies below the aortic one. A measured value of 1 or more "
             "means no obstruction, or drift of the pressure wire: check the equalisation."
         )
-    if np.any(R0 <= 0.0) and surrogate.K is None:
+    K = np.asarray(0.0 if surrogate.K is None else surrogate.K)
+    if np.any((R0 <= 0.0) & (K <= 0.0)):
         raise ValueError(
             f"R0 = {np.min(R0):g} dyn·s/cm⁵ must be positive: without upstream resistance the "
             "ratio is 1 for every scale factor. Give R0 from a ramp or from the lumen."
@@ -103,20 +114,37 @@ def require_feasible(surrogate: Surrogate, condition: Condition, target: Paramet
         )
 
 
+def _reachable(target: Parameter, P_mean: Array, P_venous: Parameter) -> Array:
+    """Whether some scale factor gives a ratio; traceable, NaN counts as no."""
+    above = (target * P_mean > P_venous) & (target > 0.0)
+    return above & (target < 1.0) & (P_mean > P_venous) & jnp.isfinite(P_mean)
+
+
 def alpha_closed_form(
     surrogate: Surrogate, condition: Condition, target: Parameter
 ) -> Float[Array, ""]:
     """α of the linear surrogate in closed form; `surrogate.alpha` and `surrogate.K` are not used.
 
+    Under jit and vmap α is NaN where no scale factor reaches the ratio or a parameter lies outside
+    its range.
+
     Args:
         surrogate: R0 [dyn·s/cm⁵], the coronary bed at α = 1 and its venous pressure.
         condition: the resting condition; matters only with a venous pressure.
         target: measured resting pressure ratio, below 1.
+
+    Raises:
+        ValueError: no α can reach the ratio (outside jit).
     """
-    P_mean = mean_aortic_pressure(surrogate, condition)
+    linear = eqx.tree_at(lambda s: s.K, surrogate, None, is_leaf=lambda leaf: leaf is None)
+    require_feasible(linear, condition, target)
+    P_mean = mean_aortic_pressure(linear, condition)
     P_venous = surrogate.coronary.P_venous
-    d = (target * P_mean - P_venous) / (P_mean - P_venous)
-    return surrogate.R0 * d / ((1.0 - d) * surrogate.coronary.R_total)
+    usable = _reachable(target, P_mean, P_venous) & (surrogate.R0 > 0.0) & in_range(linear)
+    goal = jnp.where(usable, target, 0.5)
+    d = (goal * P_mean - P_venous) / (P_mean - P_venous)
+    alpha = surrogate.R0 * d / ((1.0 - d) * surrogate.coronary.R_total)
+    return alpha * nan_unless(usable)
 
 
 def calibrate_alpha(
@@ -137,16 +165,18 @@ def calibrate_alpha(
         condition: the resting condition.
         target: measured resting pressure ratio.
         solver: how to march the cycle of a surrogate with quadratic loss; unused without.
-        throw: raise when the root finder fails (outside jit). With False look at `result`.
+        throw: raise when there is no α (outside jit). With False look at `result`.
 
     Returns:
-        α, the ratio it gives, steps taken and the result code.
+        α, the ratio it gives, steps taken and the result code; NaN with the reason where there is
+        none.
 
     Raises:
         ValueError: no α can reach the ratio (outside jit).
         RuntimeError: Newton's method did not converge.
     """
-    require_feasible(surrogate, condition, target)
+    if throw:
+        require_feasible(surrogate, condition, target)
     fit = _calibrate(surrogate, condition, jnp.asarray(target, float), solver or Shooting())
     if throw:
         raise_unless_successful(
@@ -159,11 +189,79 @@ def calibrate_alpha(
 def _calibrate(
     surrogate: Surrogate, condition: Condition, target: Array, solver: Shooting
 ) -> AlphaFit:
-    nominal = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.ones(()))
-    network = nominal.network(condition)
+    in_order, reachable = answerable(surrogate, condition, target)
+    usable = in_order & reachable
+    # a question with an answer spares the solver a search without end, and its adjoint NaN
+    patient, state = _usual_unless(usable, surrogate, condition)
+    goal = jnp.where(usable, target, 0.9)
+    network = patient.network(state)
     if network.is_linear:
-        return _calibrate_linear(network, condition.period, target)
-    return _calibrate_nonlinear(network, condition.period, target, solver)
+        fit = _calibrate_linear(network, state.period, goal)
+    else:
+        fit = _calibrate_nonlinear(network, state.period, goal, solver)
+    return checked_fit(fit, in_order, reachable, (surrogate, condition, target))
+
+
+def _usual_unless(
+    usable: Array, surrogate: Surrogate, condition: Condition
+) -> tuple[Surrogate, Condition]:
+    """The patient at α = 1, with usual numbers in place of ones without an answer."""
+
+    def chosen(value: Parameter, number: float) -> Array:
+        return jnp.where(usable, value, number)
+
+    names = (*NOMINAL, "P_venous", "im_factor")
+    usual = {**NOMINAL, "P_venous": 0.0, "im_factor": 1.0}
+    bed = eqx.tree_at(
+        lambda b: [getattr(b, name) for name in names],
+        surrogate.coronary,
+        [chosen(getattr(surrogate.coronary, name), usual[name]) for name in names],
+    )
+    patient = eqx.tree_at(
+        lambda s: (s.R0, s.C0, s.alpha, s.coronary),
+        surrogate,
+        (chosen(surrogate.R0, 1e3), chosen(surrogate.C0, C0_NOMINAL), jnp.ones(()), bed),
+    )
+    if surrogate.K is not None:
+        patient = eqx.tree_at(lambda s: s.K, patient, chosen(surrogate.K, 100.0))
+    state = eqx.tree_at(
+        lambda c: (c.P_systolic, c.P_diastolic, c.period),
+        condition,
+        (
+            chosen(condition.P_systolic, 120.0 * MMHG),
+            chosen(condition.P_diastolic, 80.0 * MMHG),
+            chosen(condition.period, 0.8),
+        ),
+    )
+    return patient, state
+
+
+def checked_fit(fit: AlphaFit, in_order: Array, reachable: Array, data: Any) -> AlphaFit:
+    """A fit with its own code where the input had no answer, and NaN where it failed.
+
+    Args:
+        fit: what a solver found.
+        in_order: whether all numbers of the input lie in their ranges.
+        reachable: whether a scale factor exists.
+        data: the input, by which derivatives are NaN too.
+    """
+    result = fit.result
+    positive = (fit.alpha > 0.0) | ~is_successful(result)
+    result = RESULTS.where(positive, result, cast(Any, RESULTS.nonlinear_divergence))
+    result = RESULTS.where(reachable, result, cast(Any, RESULTS.infeasible))
+    result = RESULTS.where(in_order, result, cast(Any, RESULTS.outside_range))
+    alpha, ratio = only_if(is_successful(result), (fit.alpha, fit.ratio), data)
+    return AlphaFit(alpha, ratio, fit.iterations, result)
+
+
+def answerable(surrogate: Surrogate, condition: Condition, target: Array) -> tuple[Array, Array]:
+    """Whether all numbers lie in their ranges, and whether a scale factor exists; traceable."""
+    nominal = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.ones(()))
+    P_mean = mean_aortic_pressure(nominal, condition)
+    K = jnp.zeros(()) if nominal.K is None else nominal.K
+    obstructed = jnp.maximum(nominal.R0, K) > 0.0
+    in_order = in_range((nominal, condition, nominal.network(condition))) & jnp.isfinite(target)
+    return in_order, _reachable(target, P_mean, nominal.coronary.P_venous) & obstructed
 
 
 def _calibrate_linear(network: Network, period: Parameter, target: Array) -> AlphaFit:
@@ -214,7 +312,7 @@ def _calibrate_nonlinear(
     aorta, distal = network.pressure_index("aorta"), network.pressure_index("distal")
     fix = jax.lax.stop_gradient
     alpha_0 = fix(_steady_alpha(network, averaged(network, period), target))
-    guess = fix(mean_state(with_alpha(network, alpha_0), period))
+    guess = fix(mean_start(with_alpha(network, alpha_0), period))
     scale = jnp.max(jnp.abs(guess))
 
     def evaluate(unknown, args):
@@ -250,8 +348,13 @@ def alpha_sensitivities(
 
     Returns:
         By name: the target ratio, R0, C0, K where present, the five coronary parameters, P_venous,
-        im_factor and the pressures and period of the condition.
+        im_factor and the pressures and period of the condition. Under jit all are NaN where there
+        is no α.
+
+    Raises:
+        ValueError: no α can reach the ratio (outside jit).
     """
+    require_feasible(surrogate, condition, target)
 
     def log_alpha(data):
         return jnp.log(calibrate_alpha(*data, throw=False).alpha)

@@ -7,7 +7,7 @@ show that.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -15,8 +15,9 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from calibration.alpha import AlphaFit, require_feasible
+from calibration.alpha import AlphaFit, answerable, checked_fit, require_feasible
 from lumped import (
+    RESULTS,
     AbstractPeriodicSolver,
     Condition,
     Surrogate,
@@ -25,7 +26,8 @@ from lumped import (
     solve_periodic,
     state_space,
 )
-from lumped.parameters import Parameter
+from lumped.parameters import Parameter, in_range, nan_unless
+from lumped.results import as_result
 
 RatioModel = Callable[[Surrogate, Condition], Array]
 
@@ -47,7 +49,7 @@ def ratio_after_cycles(
 
         (I − dt A) x(t + dt) = x(t) + dt B v(t + dt).
 
-    Not converged; linear surrogates only.
+    Not converged; linear surrogates only. NaN where a traced parameter lies outside its range.
 
     Raises:
         ValueError: the surrogate has a quadratic loss.
@@ -72,7 +74,8 @@ def ratio_after_cycles(
     _, x = jax.lax.scan(advance, jax.lax.fori_loop(0, cycles - 1, cycle, start), push)
     w = x @ system.C.T + v @ system.D.T
     mean = jnp.concatenate([jnp.mean(x, axis=0), jnp.mean(w, axis=0)])
-    return mean[network.pressure_index("distal")] / mean[network.pressure_index("aorta")]
+    ratio = mean[network.pressure_index("distal")] / mean[network.pressure_index("aorta")]
+    return ratio * nan_unless(in_range((condition, network)))
 
 
 def bisect_alpha(
@@ -96,13 +99,18 @@ def bisect_alpha(
         bracket: α values whose ratios enclose the target.
         tolerance: of log α.
         ratio: another model of the ratio, for example `ratio_after_cycles`.
-        throw: raise when the bracket does not hold the root (outside jit).
+        throw: raise when the bracket does not hold the root (outside jit). With False look at
+            `result`: α and ratio are NaN where it is a failure.
 
     Raises:
-        ValueError: no α can reach the ratio (outside jit).
+        ValueError: no α can reach the ratio (outside jit), or the bracket is not one.
         RuntimeError: the bracket does not enclose the root.
     """
-    require_feasible(surrogate, condition, target)
+    if throw:
+        require_feasible(surrogate, condition, target)
+    low_end, high_end = bracket
+    if not (0.0 < low_end < high_end < float("inf")):
+        raise ValueError(f"The bracket {bracket} of α must be two positive numbers, ascending.")
 
     def model(patient, state):
         if ratio is not None:
@@ -124,14 +132,19 @@ def bisect_alpha(
         mismatch, bisection, 0.5 * (low + high), args, options=options, max_steps=100, throw=False
     )
     missed = mismatch(solution.value, args)
-    result = optx.RESULTS.where(
-        jnp.abs(missed) < 1e-6, solution.result, optx.RESULTS.nonlinear_divergence
+    result = RESULTS.where(
+        jnp.abs(missed) < 1e-6,
+        as_result(solution.result),
+        cast(Any, RESULTS.nonlinear_divergence),
     )
-    if throw:
-        raise_unless_successful(result, "Widen the bracket of α.")
-    return AlphaFit(
+    found = AlphaFit(
         alpha=jnp.exp(solution.value),
         ratio=missed + args[2],
         iterations=solution.stats["num_steps"],
         result=result,
     )
+    in_order, reachable = answerable(surrogate, condition, args[2])
+    fit = checked_fit(found, in_order, reachable, args)
+    if throw:
+        raise_unless_successful(fit.result, "Widen the bracket of α.")
+    return fit

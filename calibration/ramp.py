@@ -27,16 +27,17 @@ Source: the ramp and R0 are those of Puelz et al. 2024, section 2.4; the curve i
 """
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from calibration.reduced_law import PressureFlowLaw
-from lumped import MMHG
-from lumped.parameters import Parameter, real
+from lumped import MMHG, RESULTS, raise_unless_successful
+from lumped.parameters import Parameter, nan_unless, real
+from lumped.results import as_result, is_successful
 
 PAPER_DROP = 40.0 * MMHG
 """Pressure drop at which the paper takes the slope [dyn/cm²]."""
@@ -48,6 +49,11 @@ HATS = 24
 """Hat functions of a ramp; more or fewer move R0 of calm ramps by 0.2 %."""
 
 _LEAST_SAMPLES = 8
+
+RAMP_CURE = (
+    "Look at the flow of the ramp: it must not vanish, and must run from the aorta to the distal "
+    "end while the drop is positive."
+)
 
 
 class RampRecord(eqx.Module):
@@ -89,6 +95,7 @@ class RampFit(eqx.Module):
         rms: of the residuals [dyn/cm²].
         n_effective: independent residuals, one a hat function at most.
         largest_drop: of the record [dyn/cm²]; beyond it the law is an extrapolation.
+        result: `lumped.RESULTS`; where it is a failure all numbers are NaN.
     """
 
     law: PressureFlowLaw
@@ -98,6 +105,7 @@ class RampFit(eqx.Module):
     rms: Float[Array, ""]
     n_effective: Float[Array, ""]
     largest_drop: Float[Array, ""]
+    result: RESULTS = eqx.field(converter=as_result)
 
     def tangent(self, dP: Parameter = PAPER_DROP) -> tuple[Array, Array]:
         """Slope dΔP/dQ at a drop [dyn/cm²] and its standard deviation, in dyn·s/cm⁵."""
@@ -120,6 +128,7 @@ def fit_ramp(
     *,
     P_ref: Parameter = 0.0,
     settling: float = SETTLING,
+    throw: bool = True,
 ) -> RampFit:
     """Fit the curve of one ramp, or of several with the dependence on transmural pressure.
 
@@ -130,11 +139,26 @@ def fit_ramp(
         records: one ramp, or ramps at different pressures of the artery.
         P_ref: pressure at which the wall was prestressed [dyn/cm²]; matters with several.
         settling: share of each ramp's duration that is left out at its start.
+        throw: raise when no law was found (outside jit). With False look at `result`.
+
+    Returns:
+        The curve; NaN with the reason where the record has none: it is not finite, has no flow, or
+        the flow runs against the drop.
 
     Raises:
-        ValueError: too few samples are left.
+        ValueError: too few samples are left, or times do not ascend.
+        RuntimeError: the record has no curve.
     """
     records = [records] if isinstance(records, RampRecord) else list(records)
+    if not records or not 0.0 <= settling < 1.0:
+        raise ValueError(
+            f"{len(records)} ramps of which a share of {settling} is left out: give at least one, "
+            "and a share from 0 to below 1."
+        )
+    for record in records:
+        t = np.asarray(record.t)
+        if not (t.size and np.all(np.isfinite(t)) and np.all(np.diff(t) > 0.0)):
+            raise ValueError("The times of a ramp must be finite and ascend. Sort its samples.")
     kept = [_settled(record, settling) for record in records]
     n = sum(len(record.t) for record in kept)
     if n < _LEAST_SAMPLES:
@@ -145,6 +169,15 @@ def fit_ramp(
     several = len(records) > 1
     parts = [_weak_form(record, P_ref if several else None) for record in kept]
     X, drop = (jnp.concatenate([part[k] for part in parts]) for k in (0, 1))
+    largest = jnp.max(jnp.stack([jnp.max(record.drop) for record in records]))
+    fitted = _fitted(X, drop, largest)
+    if throw:
+        raise_unless_successful(fitted.result, RAMP_CURE)
+    return fitted
+
+
+def _fitted(X: Float[Array, "n k"], drop: Float[Array, " n"], largest: Array) -> RampFit:
+    """Least squares on the weak form; NaN with the reason where they give no artery's law."""
     n = drop.size
     everything = jnp.ones(X.shape[1])
     whole, spread = _least_squares(X, drop, everything)
@@ -157,15 +190,23 @@ def fit_ramp(
     rho = jnp.clip(jnp.sum(left[1:] * left[:-1]) / jnp.sum(left**2), 0.0, 0.999)
     independent = jnp.maximum(n * (1.0 - rho) / (1.0 + rho), 1.0 + X.shape[1])
     variance = jnp.sum(left**2) / n * (n / independent)
-    more = found[3:] if several else jnp.zeros(2)
+    more = found[3:] if X.shape[1] > 3 else jnp.zeros(2)
+    flows = jnp.all(jnp.max(jnp.abs(X[:, :2]), axis=0) > 0.0)
+    lawful = (found[0] >= 0.0) & (found[1] >= 0.0) & ((found[0] > 0.0) | (found[1] > 0.0))
+    finite = jnp.all(jnp.isfinite(X)) & jnp.all(jnp.isfinite(drop))
+    good, bad = cast(Any, RESULTS.successful), cast(Any, RESULTS.undetermined)
+    result = RESULTS.where(flows & lawful, good, bad)
+    result = RESULTS.where(finite, result, cast(Any, RESULTS.nonfinite))
+    factor = nan_unless(is_successful(result))
     return RampFit(
-        law=PressureFlowLaw(a=found[0], b=found[1]),
-        L=found[2],
-        transmural=more,
-        covariance=variance * inverse[:2, :2],
-        rms=jnp.sqrt(jnp.mean(left**2)),
-        n_effective=independent,
-        largest_drop=jnp.max(jnp.stack([jnp.max(record.drop) for record in records])),
+        law=PressureFlowLaw(a=found[0] * factor, b=found[1] * factor),
+        L=found[2] * factor,
+        transmural=more * factor,
+        covariance=variance * inverse[:2, :2] * factor,
+        rms=jnp.sqrt(jnp.mean(left**2)) * factor,
+        n_effective=independent * factor,
+        largest_drop=largest * factor,
+        result=result,
     )
 
 
@@ -174,7 +215,8 @@ def measured_slope(
 ) -> float | None:
     """Slope dΔP/dQ of the record itself at a drop, by a parabola through its surroundings.
 
-    As the paper takes it: no law, no inertance. None where the ramp does not reach the drop.
+    As the paper takes it: no law, no inertance. None where the ramp does not reach the drop, is
+    not finite, or where the flow does not grow with the drop.
 
     Args:
         record: the ramp.
@@ -182,18 +224,21 @@ def measured_slope(
         width: half width of the surroundings [dyn/cm²].
     """
     drop, Q = np.asarray(record.drop), np.asarray(record.Q)
+    if not (np.all(np.isfinite(drop)) and np.all(np.isfinite(Q)) and dP > 0.0 and width > 0.0):
+        return None
     near = np.abs(drop - dP) <= width
     if drop.max(initial=0.0) < dP or np.count_nonzero(near) < 4:
         return None
     slope = np.polyfit(drop[near] - dP, Q[near], 2)[1]
-    return float(1.0 / slope)
+    return float(1.0 / slope) if slope > 0.0 else None
 
 
 def _settled(record: RampRecord, settling: float) -> RampRecord:
-    """The record after its start."""
-    duration = float(record.t[-1] - record.t[0])
-    first = int(np.searchsorted(np.asarray(record.t), float(record.t[0]) + settling * duration))
-    return jax.tree.map(lambda column: column[first:], record)
+    """The record after its start; its times stay concrete under jit."""
+    t = np.asarray(record.t)
+    first = int(np.searchsorted(t, t[0] + settling * (t[-1] - t[0])))
+    columns = (record.P_aorta[first:], record.P_distal[first:], record.Q[first:])
+    return eqx.tree_at(lambda r: (r.t, r.P_aorta, r.P_distal, r.Q), record, (t[first:], *columns))
 
 
 def _weak_form(record: RampRecord, P_ref: Parameter | None) -> tuple[Array, Array]:

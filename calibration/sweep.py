@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from calibration.alpha import AlphaFit, calibrate_alpha
 from lumped import (
+    RESULTS,
     AbstractPeriodicSolver,
     Condition,
     Fourier,
@@ -35,6 +36,7 @@ class Sweep(eqx.Module):
     Attributes:
         metrics: `lumped.Metrics`, each of shape (cases,).
         error_estimate: of each periodic state [-], shape (cases,).
+        result: `lumped.RESULTS` of each; where it is a failure the numbers are NaN.
         t: sample times [s], shape (cases, samples), or None where waveforms were not asked for.
         P_aorta, P_distal: pressures [dyn/cm²], shape (cases, samples), or None.
         Q: flow into the anomalous coronary [cm³/s], shape (cases, samples), or None.
@@ -42,6 +44,7 @@ class Sweep(eqx.Module):
 
     metrics: Metrics
     error_estimate: Float[Array, "*cases"]
+    result: RESULTS
     t: Float[Array, "*cases samples"] | None
     P_aorta: Float[Array, "*cases samples"] | None
     P_distal: Float[Array, "*cases samples"] | None
@@ -69,7 +72,8 @@ def simulate_many(
         waveforms: keep the waveforms, not only the metrics.
 
     Returns:
-        Metrics and waveforms of all cases.
+        Metrics and waveforms of all cases; NaN, with the reason in `result`, where there is no
+        periodic state.
     """
     return _simulate(
         surrogates, conditions, rule, n_samples=n_samples, batch_size=batch_size, keep=waveforms
@@ -97,6 +101,7 @@ def _simulate(
         return Sweep(
             metrics=metrics(solution),
             error_estimate=solution.error_estimate,
+            result=solution.result,
             t=solution.t if keep else None,
             P_aorta=solution.pressure("aorta") if keep else None,
             P_distal=solution.pressure("distal") if keep else None,
@@ -196,7 +201,8 @@ def calibrate_many(
         batch_size: cases a chunk.
 
     Returns:
-        Scale factors; look at `fit.result` for patients without one.
+        Scale factors; NaN, with the reason in `fit.result`, for patients without one. Their
+        derivatives are NaN too.
     """
     targets = jnp.asarray(targets, float)
     return _calibrate(

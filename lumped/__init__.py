@@ -29,10 +29,10 @@ if TYPE_CHECKING:
         PeriodicSolution,
         averaged,
         mean_state,
-        raise_unless_successful,
         steady_state,
         waveform_mean,
     )
+    from lumped.results import RESULTS, raise_unless_successful
     from lumped.sources import FlowSource, PressureSource
     from lumped.statespace import StateSpace, algebraic, field, is_index_one, state_space
     from lumped.stress import StressRule, scale_resistances, scaled, stress_rule, transition

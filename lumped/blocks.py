@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from lumped.elements import AbstractElement
-from lumped.parameters import Parameter, check_range, parameter
+from lumped.parameters import Parameter, Range, check_range, parameter
 from lumped.waveforms import AbstractWaveform
 
 Port = Float[Array, " 1"]
@@ -37,8 +37,10 @@ class Resistance(AbstractElement):
     R: Parameter = parameter()
     P_ref: Parameter = parameter(default=0.0)
 
+    ranges: ClassVar[Range] = Range(least=("R",), finite=("P_ref",))
+
     def __check_init__(self):
-        check_range(self, least=("R",), finite=("P_ref",))
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -92,8 +94,10 @@ class RC(AbstractElement):
     C: Parameter = parameter()
     P_ref: Parameter = parameter(default=0.0)
 
+    ranges: ClassVar[Range] = Range(above=("R", "C"), finite=("P_ref",))
+
     def __check_init__(self):
-        check_range(self, above=("R", "C"), finite=("P_ref",))
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -155,8 +159,12 @@ class RCR(AbstractElement):
     R_distal: Parameter = parameter()
     P_ref: Parameter = parameter(default=0.0)
 
+    ranges: ClassVar[Range] = Range(
+        above=("C", "R_distal"), least=("R_proximal",), finite=("P_ref",)
+    )
+
     def __check_init__(self):
-        check_range(self, above=("C", "R_distal"), least=("R_proximal",), finite=("P_ref",))
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -219,8 +227,10 @@ class RCRL(AbstractElement):
     L: Parameter = parameter()
     P_ref: Parameter = parameter(default=0.0)
 
+    ranges: ClassVar[Range] = Range(above=("R_proximal", "C", "R_distal", "L"), finite=("P_ref",))
+
     def __check_init__(self):
-        check_range(self, above=("R_proximal", "C", "R_distal", "L"), finite=("P_ref",))
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -294,13 +304,12 @@ class Coronary(AbstractElement):
     im_factor: Parameter = parameter(default=1.0)
     P_venous: Parameter = parameter(default=0.0)
 
+    ranges: ClassVar[Range] = Range(
+        above=("R_2", "R_3", "C_a", "C_im"), least=("R_1", "im_factor"), finite=("P_venous",)
+    )
+
     def __check_init__(self):
-        check_range(
-            self,
-            above=("R_2", "R_3", "C_a", "C_im"),
-            least=("R_1", "im_factor"),
-            finite=("P_venous",),
-        )
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:

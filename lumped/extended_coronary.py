@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from lumped.elements import AbstractElement
-from lumped.parameters import Parameter, check_range, optional_parameter, parameter, real
+from lumped.parameters import Parameter, Range, check_range, optional_parameter, parameter, real
 from lumped.waveforms import AbstractWaveform
 
 Port = Float[Array, " 1"]
@@ -65,13 +65,14 @@ class ExtendedCoronary(AbstractElement):
     elastic_share: Parameter = parameter(default=1.0)
     wall_time: Parameter | None = optional_parameter()
 
+    ranges: ClassVar[Range] = Range(
+        above=("R_2", "R_3", "C_a", "C_im", "elastic_share", "wall_time"),
+        least=("R_1", "G_collateral"),
+        finite=("P_venous", "G_past"),
+    )
+
     def __check_init__(self):
-        check_range(
-            self,
-            above=("R_2", "R_3", "C_a", "C_im", "elastic_share", "wall_time"),
-            least=("R_1", "G_collateral"),
-            finite=("P_venous", "G_past"),
-        )
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:

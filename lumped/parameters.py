@@ -1,13 +1,14 @@
 """How blocks and waveforms hold their physical numbers: as array leaves, checked when concrete."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Bool, Float
 
 Parameter = Float[Array, "..."] | float | int
 """A physical number: an array leaf after construction; a Python number is converted."""
@@ -35,27 +36,40 @@ def optional_parameter() -> Any:
     return eqx.field(converter=lambda v: None if v is None else real(v), default=None)
 
 
-def check_range(
-    owner: Any,
-    *,
-    above: tuple[str, ...] = (),
-    least: tuple[str, ...] = (),
-    finite: tuple[str, ...] = (),
-) -> None:
-    """Refuse parameters that are not finite, not positive (`above`) or negative (`least`).
+class Range(NamedTuple):
+    """Where the parameters of a class lie, by the names of its fields.
 
-    Traced values cannot be looked at and pass; they were checked where they were made.
+    Attributes:
+        above: finite and positive.
+        least: finite and zero or positive.
+        finite: finite.
+        ascending: two names, the value of the first below that of the second; or none.
+    """
+
+    above: tuple[str, ...] = ()
+    least: tuple[str, ...] = ()
+    finite: tuple[str, ...] = ()
+    ascending: tuple[()] | tuple[str, str] = ()
+
+
+_DEMANDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "above": ("finite and positive", lambda v: v > 0.0),
+    "least": ("finite and zero or positive", lambda v: v >= 0.0),
+    "finite": ("finite", lambda v: v == v),
+}
+
+
+def check_range(owner: Any) -> None:
+    """Refuse parameters of a module outside the `ranges` of its class.
+
+    Traced values cannot be looked at and pass; see `in_range` for those.
 
     Raises:
         ValueError: a concrete parameter lies outside its range.
     """
-    demands = (
-        (above, lambda v: v > 0.0, "finite and positive"),
-        (least, lambda v: v >= 0.0, "finite and zero or positive"),
-        (finite, np.isfinite, "finite"),
-    )
-    for names, holds, demand in demands:
-        for name in names:
+    ranges: Range = owner.ranges
+    for kind, (demand, holds) in _DEMANDS.items():
+        for name in getattr(ranges, kind):
             value = getattr(owner, name)
             if value is None or is_traced(value):
                 continue
@@ -65,3 +79,67 @@ def check_range(
                     f"{type(owner).__name__}.{name} = {value} must be {demand}. "
                     "Check the sign and the unit (CGS inside: dyn/cm², cm³/s, dyn·s/cm⁵, cm⁵/dyn)."
                 )
+    if ranges.ascending:
+        below, above = (getattr(owner, name) for name in ranges.ascending)
+        if not is_traced(below, above) and np.any(np.asarray(above) <= np.asarray(below)):
+            raise ValueError(
+                f"{ranges.ascending[1]} = {above} must lie above {ranges.ascending[0]} = {below} "
+                "[dyn/cm²]. Were the two swapped?"
+            )
+
+
+def in_range(tree: Any) -> Bool[Array, ""]:
+    """Whether all parameters of all modules in a tree lie in their `ranges`; for use under jit."""
+    holds = jnp.asarray(True)
+    for module in _modules(tree):
+        ranges: Range = getattr(module, "ranges", Range())
+        for kind, (_, demand) in _DEMANDS.items():
+            for name in getattr(ranges, kind):
+                value = getattr(module, name)
+                if value is not None:
+                    holds = holds & jnp.all(jnp.isfinite(value) & demand(real(value)))
+        if ranges.ascending:
+            below, above = (getattr(module, name) for name in ranges.ascending)
+            holds = holds & jnp.all(real(below) < real(above))
+    return holds
+
+
+def _modules(tree: Any) -> list[eqx.Module]:
+    """All modules in a tree, those inside others too."""
+    found: list[eqx.Module] = []
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, eqx.Module):
+            found.append(node)
+        inside = jax.tree.leaves(
+            node, is_leaf=lambda x, n=node: isinstance(x, eqx.Module) and x is not n
+        )
+        waiting += [part for part in inside if isinstance(part, eqx.Module) and part is not node]
+    return found
+
+
+def nan_unless(holds: Bool[ArrayLike, "..."]) -> Array:
+    """A factor of 1 where a condition holds and NaN elsewhere.
+
+    Values and their derivatives become NaN where the condition does not hold, while
+    `jnp.where(holds, value, nan)` would leave derivatives of zero.
+    """
+    return jnp.where(holds, 1.0, jnp.nan)
+
+
+def only_if(holds: Bool[ArrayLike, ""], values: Any, inputs: Any) -> Any:
+    """Values where a condition holds; elsewhere NaN, and NaN for their derivatives by the inputs.
+
+    No NaN is sent back through what computed the values: implicit solves refuse it.
+
+    Args:
+        holds: the condition.
+        values: pytree of arrays.
+        inputs: pytree of what they were computed from.
+    """
+    leaves = [x for x in jax.tree.leaves(inputs) if eqx.is_inexact_array(x)]
+    failed = jnp.logical_not(holds)
+    total = sum(jnp.sum(jnp.where(jnp.isfinite(x) | failed, x, 0.0)) for x in leaves)
+    lost = jnp.where(holds, 0.0, jnp.nan) * total
+    return jax.tree.map(lambda value: jnp.where(holds, value, jnp.nan) + lost, values)

@@ -26,8 +26,8 @@ from lumped.periodic_nonlinear import Shooting
 from lumped.periodic_solution import (
     AbstractPeriodicSolver,
     PeriodicSolution,
-    raise_unless_successful,
 )
+from lumped.results import raise_unless_successful
 from lumped.statespace import NOT_INDEX_ONE, is_index_one
 
 PERIOD_TOLERANCE = 1e-6

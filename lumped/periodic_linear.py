@@ -16,7 +16,8 @@ from lumped.periodic_solution import (
     PeriodicSolution,
     finite_or_singular,
     largest_difference,
-    mean_state,
+    mean_start,
+    sound,
 )
 from lumped.smallsolve import modulus_bound, solve_small
 from lumped.statespace import StateSpace, state_space
@@ -61,7 +62,7 @@ class Fourier(AbstractPeriodicSolver):
         """
         t = jnp.arange(self.n_samples) / self.n_samples * period
         omega = 2.0 * jnp.pi / period * jnp.arange(self.n_samples // 2 + 1, dtype=float)
-        mean = mean_state(network, period)
+        mean = mean_start(network, period)
         first = (self.n_samples * mean).astype(complex)
         if self.reduce:
             system = state_space(network)
@@ -81,16 +82,18 @@ class Fourier(AbstractPeriodicSolver):
             z = jax.vmap(from_harmonics, (1, None), 1)(z_hat, self.n_samples)
             x_hat = [z_hat[:, i] for i in range(network.n_states)]
             monodromy = _monodromy_by_march(network, period)
-        return PeriodicSolution(
-            t=t,
-            z=z,
-            mean=mean,
-            period=period,
-            monodromy=monodromy,
-            error_estimate=_spectral_tail(x_hat, self.n_samples),
-            iterations=jnp.asarray(1),
-            result=finite_or_singular(z),
-            network=network,
+        return sound(
+            PeriodicSolution(
+                t=t,
+                z=z,
+                mean=mean,
+                period=period,
+                monodromy=monodromy,
+                error_estimate=_spectral_tail(x_hat, self.n_samples),
+                iterations=jnp.asarray(1),
+                result=finite_or_singular(z),
+                network=network,
+            )
         )
 
 
@@ -199,16 +202,18 @@ class Propagator(AbstractPeriodicSolver):
         v = system.sources(ts[:-1])
         columns = [x[:-1, i] for i in range(x.shape[1])]
         z = jnp.stack([*columns, *_algebraic_rows(system, columns, v)], axis=1)
-        return PeriodicSolution(
-            t=ts[:-1],
-            z=z,
-            mean=mean_state(network, period),
-            period=period,
-            monodromy=monodromy,
-            error_estimate=largest_difference(coarse, x[::2], x),
-            iterations=jnp.asarray(1),
-            result=finite_or_singular(z),
-            network=network,
+        return sound(
+            PeriodicSolution(
+                t=ts[:-1],
+                z=z,
+                mean=mean_start(network, period),
+                period=period,
+                monodromy=monodromy,
+                error_estimate=largest_difference(coarse, x[::2], x),
+                iterations=jnp.asarray(1),
+                result=finite_or_singular(z),
+                network=network,
+            )
         )
 
 

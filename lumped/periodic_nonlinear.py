@@ -17,8 +17,10 @@ from lumped.periodic_solution import (
     PeriodicSolution,
     finite_or_singular,
     largest_difference,
-    mean_state,
+    mean_start,
+    sound,
 )
+from lumped.results import RESULTS, as_result, is_successful
 from lumped.statespace import algebraic, field
 
 LOOSER = 10.0
@@ -58,7 +60,7 @@ class Shooting(AbstractPeriodicSolver):
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
         """Find the periodic state; also of networks of index 2 (not with a vector field)."""
         n = network.n_states
-        guess = jax.lax.stop_gradient(mean_state(network, period))
+        guess = jax.lax.stop_gradient(mean_start(network, period))
         scale = jnp.max(jnp.abs(guess)) + 1e-300
 
         def cycle(x: Float[Array, " n"], args: Any, stride: int = 1) -> Trajectory:
@@ -82,18 +84,21 @@ class Shooting(AbstractPeriodicSolver):
         monodromy = jax.jacfwd(end)(jax.lax.stop_gradient(x0), args)
         # before the first step only the states are known: the cycle's end is the same instant
         z = jnp.where((path.t <= 0.0)[:, None], path.z[-1:], path.z)[:-1]
-        return PeriodicSolution(
-            t=path.t[:-1],
-            z=z,
-            mean=path.integral / period,
-            period=real(period),
-            monodromy=monodromy,
-            error_estimate=jnp.maximum(
-                _cycle_error(cycle(x0, args, 2).z[:, :n], path.z[::2, :n], monodromy), path.defect
-            ),
-            iterations=solution.stats["num_steps"],
-            result=_finite(z, solution.result),
-            network=network,
+        return sound(
+            PeriodicSolution(
+                t=path.t[:-1],
+                z=z,
+                mean=path.integral / period,
+                period=real(period),
+                monodromy=monodromy,
+                error_estimate=jnp.maximum(
+                    _cycle_error(cycle(x0, args, 2).z[:, :n], path.z[::2, :n], monodromy),
+                    path.defect,
+                ),
+                iterations=solution.stats["num_steps"],
+                result=_finite(z, solution.result),
+                network=network,
+            )
         )
 
 
@@ -110,10 +115,10 @@ def _cycle_error(
     return largest_difference(total, jnp.zeros_like(total), fine)
 
 
-def _finite(z: Float[Array, "k m"], result: optx.RESULTS) -> optx.RESULTS:
+def _finite(z: Float[Array, "k m"], result: optx.RESULTS) -> RESULTS:
     """A solver's result, unless its solution is not finite."""
     found = finite_or_singular(z)
-    return optx.RESULTS.where(found == optx.RESULTS.successful, result, found)
+    return RESULTS.where(is_successful(found), as_result(result), found)
 
 
 class Cycles(AbstractPeriodicSolver):
@@ -149,7 +154,7 @@ class Cycles(AbstractPeriodicSolver):
         """
         n = network.n_states
         rate = field(network)
-        guess = mean_state(network, period)
+        guess = mean_start(network, period)
         scale = jax.lax.stop_gradient(jnp.max(jnp.abs(guess)) + 1e-300)
         args = (network, real(period))
 
@@ -182,16 +187,18 @@ class Cycles(AbstractPeriodicSolver):
         loose = self._cycle(rate, *frozen, jax.lax.stop_gradient(ts), slack=LOOSER)
         w = jax.vmap(lambda t, x: algebraic(t, network, x))(ts[:-1], x[:-1])
         z = jnp.concatenate([x[:-1], w], axis=1)
-        return PeriodicSolution(
-            t=ts[:-1],
-            z=z,
-            mean=y[-1, n:] / period,
-            period=real(period),
-            monodromy=monodromy,
-            error_estimate=_cycle_error(loose, x, monodromy),
-            iterations=solution.stats["num_steps"],
-            result=_finite(z, solution.result),
-            network=network,
+        return sound(
+            PeriodicSolution(
+                t=ts[:-1],
+                z=z,
+                mean=y[-1, n:] / period,
+                period=real(period),
+                monodromy=monodromy,
+                error_estimate=_cycle_error(loose, x, monodromy),
+                iterations=solution.stats["num_steps"],
+                result=_finite(z, solution.result),
+                network=network,
+            )
         )
 
     def _cycle(

@@ -7,12 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
 
 from lumped.march import newton
 from lumped.network import Network, jacobian
-from lumped.parameters import Parameter, is_traced
+from lumped.parameters import Parameter, in_range, nan_unless, only_if, real
+from lumped.results import RESULTS, as_result, is_successful
 from lumped.waveforms import AbstractWaveform
 
 MEAN_NODES = 72
@@ -33,7 +33,7 @@ class PeriodicSolution(eqx.Module):
         monodromy: derivative of the state after a cycle with respect to the state before it.
         error_estimate: estimated error of the states, relative to their largest values [-].
         iterations: Newton steps or cycles taken.
-        result: `optimistix.RESULTS`, successful or the reason why not.
+        result: `lumped.RESULTS`, successful or the reason why not; all numbers are then NaN.
         network: the network that was solved.
     """
 
@@ -44,7 +44,7 @@ class PeriodicSolution(eqx.Module):
     monodromy: Float[Array, "n n"]
     error_estimate: Float[Array, ""]
     iterations: Any
-    result: optx.RESULTS
+    result: RESULTS = eqx.field(converter=as_result)
     network: Network
 
     def pressure(self, node: str) -> Float[Array, " k"]:
@@ -77,6 +77,8 @@ class PeriodicSolution(eqx.Module):
         """Largest factor by which a disturbance shrinks in a cycle (concrete solutions only)."""
         if self.monodromy.shape[-1] == 0:
             return 0.0
+        if not np.all(np.isfinite(self.monodromy)):
+            return float("nan")
         return float(np.max(np.abs(np.linalg.eigvals(np.asarray(self.monodromy)))))
 
     def cycles_to(self, tolerance: float) -> float:
@@ -110,29 +112,27 @@ def largest_difference(
     return jax.lax.stop_gradient(jnp.max(jnp.abs(coarse - fine) / size[None, :]))
 
 
-def finite_or_singular(z: Float[Array, "k m"]) -> optx.RESULTS:
+def finite_or_singular(z: Float[Array, "k m"]) -> RESULTS:
     """The result of a direct solution: successful where it is finite, singular where not."""
     finite = jnp.all(jnp.isfinite(z))
-    return optx.RESULTS.where(finite, optx.RESULTS.successful, cast(Any, optx.RESULTS.singular))
+    return RESULTS.where(finite, cast(Any, RESULTS.successful), cast(Any, RESULTS.singular))
 
 
-def raise_unless_successful(result: optx.RESULTS, cure: str) -> None:
-    """Raise when a concrete result is a failure; inside jit the caller must look at it.
+def sound(solution: PeriodicSolution) -> PeriodicSolution:
+    """The solution with NaN in place of its numbers where it is none, and the reason in `result`.
 
-    Args:
-        result: what the solver returned.
-        cure: what the user can try.
-
-    Raises:
-        RuntimeError: cause and cure.
+    Parameters outside their ranges, which only traced ones can be, have periodic states too.
     """
-    flag = result == optx.RESULTS.successful
-    if is_traced(flag) or bool(np.all(np.asarray(flag))):
-        return
-    cause = "a case of the batch failed."
-    if np.ndim(np.asarray(flag)) == 0:
-        cause = " ".join(optx.RESULTS[result].split("\n\n")[0].split())
-    raise RuntimeError(f"No solution was found: {cause or 'the solver did not converge.'} {cure}")
+    period = real(solution.period)
+    usable = in_range(solution.network) & jnp.all(jnp.isfinite(period) & (period > 0.0))
+    result = RESULTS.where(usable, solution.result, cast(Any, RESULTS.outside_range))
+    numbers = (solution.z, solution.mean, solution.monodromy, solution.error_estimate)
+    numbers = only_if(is_successful(result), numbers, (solution.network, period))
+    return eqx.tree_at(
+        lambda s: (s.z, s.mean, s.monodromy, s.error_estimate, s.result),
+        solution,
+        (*numbers, as_result(result)),
+    )
 
 
 def waveform_mean(waveform: AbstractWaveform, period: Parameter) -> Array:
@@ -179,6 +179,14 @@ def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
     """Solution of the direct-current network: the exact cycle mean of a linear network.
 
     For a nonlinear network it is the steady state under the mean of the sources, which is not the
-    mean of its periodic state but a good place to start from.
+    mean of its periodic state but a good place to start from. NaN where a traced parameter lies
+    outside its range.
     """
+    usable = in_range(network) & jnp.isfinite(period) & (period > 0.0)
+    return mean_start(network, period) * nan_unless(usable)
+
+
+@jax.jit
+def mean_start(network: Network, period: Parameter) -> Float[Array, " m"]:
+    """The same whatever the parameters: where solvers start."""
     return steady_state(averaged(network, period))

@@ -94,6 +94,8 @@ def is_index_one(network: Network) -> bool:
 
 
 def _is_regular(G_w: np.ndarray) -> bool:
+    if not np.all(np.isfinite(G_w)):
+        return True  # a parameter that is not finite is told by its range, not by the rank
     # rows and columns carry pressures or flows: equilibrate before judging the rank
     scaled = G_w / np.maximum(np.abs(G_w).max(axis=1, keepdims=True), 1e-300)
     scaled = scaled / np.maximum(np.abs(scaled).max(axis=0, keepdims=True), 1e-300)

@@ -5,14 +5,14 @@ says that all resistances halve ("all"). Printed lowers the nominal coronary tot
 by 50 %: studies report both.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from lumped.network import Network
-from lumped.parameters import Parameter, check_range, parameter
+from lumped.parameters import Parameter, Range, check_range, parameter
 
 
 class StressRule(eqx.Module):
@@ -24,6 +24,9 @@ class StressRule(eqx.Module):
     Source: Puelz et al. 2024, section 2.3.
     """
 
+    ranges: ClassVar[Range] = Range(
+        above=("R_1", "R_2", "R_3", "C_a", "C_im", "R_proximal", "R_distal", "C")
+    )
     R_1: Parameter = parameter(default=1.0)
     R_2: Parameter = parameter(default=0.5)
     R_3: Parameter = parameter(default=1.0)
@@ -34,7 +37,7 @@ class StressRule(eqx.Module):
     C: Parameter = parameter(default=2.0)
 
     def __check_init__(self):
-        check_range(self, above=tuple(self.__dataclass_fields__))
+        check_range(self)
 
     def __call__(self, block: Any) -> Any:
         """The block under stress: each parameter that has a factor here is multiplied by it."""

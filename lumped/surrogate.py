@@ -14,11 +14,13 @@ whatever the waveform and the capacitances. With K the divider no longer holds.
 Source: Puelz et al. 2024, section 2.4 and figure 4.
 """
 
+from typing import ClassVar
+
 import equinox as eqx
 
 from lumped.blocks import Coronary
 from lumped.network import Network, connect
-from lumped.parameters import Parameter, check_range, optional_parameter, parameter, real
+from lumped.parameters import Parameter, Range, check_range, optional_parameter, parameter, real
 from lumped.sources import PressureSource
 from lumped.stress import StressRule, scale_resistances
 from lumped.units import MMHG
@@ -48,8 +50,10 @@ class Condition(eqx.Module):
     period: Parameter = parameter()
     waveform: AbstractWaveform | None = None
 
+    ranges: ClassVar[Range] = Range(above=("P_systolic", "P_diastolic", "period"))
+
     def __check_init__(self):
-        check_range(self, above=("P_systolic", "P_diastolic", "period"))
+        check_range(self)
 
 
 def condition_from_clinic(
@@ -77,8 +81,10 @@ class Surrogate(eqx.Module):
     C0: Parameter = parameter(default=C0_NOMINAL)
     K: Parameter | None = optional_parameter()
 
+    ranges: ClassVar[Range] = Range(above=("alpha", "C0"), least=("R0", "K"))
+
     def __check_init__(self):
-        check_range(self, above=("alpha", "C0"), least=("R0", "K"))
+        check_range(self)
 
     def network(
         self,

@@ -19,8 +19,8 @@ from lumped.periodic_nonlinear import Shooting
 from lumped.periodic_solution import (
     AbstractPeriodicSolver,
     PeriodicSolution,
-    raise_unless_successful,
 )
+from lumped.results import raise_unless_successful
 from lumped.statespace import is_index_one
 from lumped.svzerod_series import merged, steady_sources
 from lumped.vessels import Vessel, VesselCRL

@@ -6,7 +6,7 @@ each block, in NumPy, and share no code with the networks that they verify.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +16,7 @@ from jaxtyping import Array, ArrayLike, Float
 from lumped.blocks import RC, RCR, RCRL, Coronary, Resistance
 from lumped.elements import AbstractElement
 from lumped.extended_coronary import ExtendedCoronary
-from lumped.parameters import Parameter, check_range, parameter, real
+from lumped.parameters import Parameter, Range, check_range, parameter, real
 from lumped.units import MMHG
 from lumped.vessels import Vessel, VesselCRL
 from lumped.waveforms import AbstractWaveform, Constant, Sinusoid
@@ -244,8 +244,10 @@ class Pulse(AbstractWaveform):
     t_off: Parameter = parameter()
     period: Parameter = parameter()
 
+    ranges: ClassVar[Range] = Range(above=("t_on", "t_off", "period"), finite=("height",))
+
     def __check_init__(self):
-        check_range(self, above=("t_on", "t_off", "period"), finite=("height",))
+        check_range(self)
 
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""

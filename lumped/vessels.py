@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from lumped.elements import AbstractElement
-from lumped.parameters import Parameter, check_range, optional_parameter, parameter, real
+from lumped.parameters import Parameter, Range, check_range, optional_parameter, parameter, real
 
 Ports = Float[Array, " 2"]
 
@@ -55,8 +55,10 @@ class Vessel(AbstractElement):
     L: Parameter | None = optional_parameter()
     K_stenosis: Parameter | None = optional_parameter()
 
+    ranges: ClassVar[Range] = Range(above=("C", "L"), least=("R_viscous",), finite=("K_stenosis",))
+
     def __check_init__(self):
-        check_range(self, above=("C", "L"), least=("R_viscous",), finite=("K_stenosis",))
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -129,8 +131,10 @@ class VesselCRL(AbstractElement):
     L: Parameter | None = optional_parameter()
     K_stenosis: Parameter | None = optional_parameter()
 
+    ranges: ClassVar[Range] = Range(above=("C", "L"), least=("R_viscous",), finite=("K_stenosis",))
+
     def __check_init__(self):
-        check_range(self, above=("C", "L"), least=("R_viscous",), finite=("K_stenosis",))
+        check_range(self)
 
     @property
     def state_names(self) -> tuple[str, ...]:

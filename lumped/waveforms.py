@@ -7,7 +7,7 @@ of the cycle is always a step end and need not be listed.
 
 import abc
 from collections.abc import Sequence
-from typing import Literal
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from lumped.parameters import Parameter, check_range, is_traced, parameter, real
+from lumped.parameters import Parameter, Range, check_range, is_traced, parameter, real
 
 VALVE_CLOSURE = 0.35
 """Closure of the aortic valve as a share of the cycle (Puelz et al. 2024: t_peak + 0.05 T)."""
@@ -46,8 +46,10 @@ class Constant(AbstractWaveform):
 
     value: Parameter = parameter()
 
+    ranges: ClassVar[Range] = Range(finite=("value",))
+
     def __check_init__(self):
-        check_range(self, finite=("value",))
+        check_range(self)
 
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""
@@ -96,14 +98,12 @@ class AorticPressure(AbstractWaveform):
     P_diastolic: Parameter = parameter()
     period: Parameter = parameter()
 
+    ranges: ClassVar[Range] = Range(
+        above=("P_systolic", "P_diastolic", "period"), ascending=("P_diastolic", "P_systolic")
+    )
+
     def __check_init__(self):
-        check_range(self, above=("P_systolic", "P_diastolic", "period"))
-        values = (self.P_systolic, self.P_diastolic)
-        if not is_traced(*values) and np.any(np.asarray(values[0]) <= np.asarray(values[1])):
-            raise ValueError(
-                f"P_systolic = {values[0]} must lie above P_diastolic = {values[1]} [dyn/cm²]. "
-                "Were the two swapped?"
-            )
+        check_range(self)
 
     def __call__(self, t: Parameter) -> Array:
         """Pressure at time t [s] in dyn/cm²."""
@@ -147,8 +147,10 @@ class VentricularPressure(AbstractWaveform):
     P_peak: Parameter = parameter()
     period: Parameter = parameter()
 
+    ranges: ClassVar[Range] = Range(above=("period",), least=("P_peak",))
+
     def __check_init__(self):
-        check_range(self, above=("period",), least=("P_peak",))
+        check_range(self)
 
     def __call__(self, t: Parameter) -> Array:
         """Pressure at time t [s] in dyn/cm²."""
@@ -181,8 +183,10 @@ class Sinusoid(AbstractWaveform):
     period: Parameter = parameter()
     phase: Parameter = parameter(default=0.0)
 
+    ranges: ClassVar[Range] = Range(above=("period",), finite=("mean", "amplitude", "phase"))
+
     def __check_init__(self):
-        check_range(self, above=("period",), finite=("mean", "amplitude", "phase"))
+        check_range(self)
 
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""
@@ -207,6 +211,7 @@ class Ramp(AbstractWaveform):
         t_start: time of the start value [s].
     """
 
+    ranges: ClassVar[Range] = Range(finite=("start", "slope", "t_start"))
     start: Parameter = parameter()
     slope: Parameter = parameter()
     t_start: Parameter = parameter(default=0.0)
@@ -240,6 +245,7 @@ class Sampled(AbstractWaveform):
         period: length of the beat [s].
     """
 
+    ranges: ClassVar[Range] = Range(above=("period",), finite=("times", "values", "slopes"))
     times: Float[Array, " k"]
     values: Float[Array, " k"]
     slopes: Float[Array, " k"] | None

@@ -25,7 +25,7 @@ less λ and the rest, a sum of energies k U(q) of measures q of the volume::
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -33,7 +33,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements import added
-from lumped.parameters import Parameter, check_range, is_traced, parameter
+from lumped.parameters import Parameter, Range, check_range, is_traced, parameter
 
 Tensor = Sequence[Sequence[Float[Array, " tets"]]] | Float[Array, "3 3 tets"]
 """Components of a tensor on each element: rows of arrays, or one array with the elements last."""
@@ -107,6 +107,7 @@ def determinant(a: Tensor) -> Float[Array, " tets"]:
 class AbstractMaterial(eqx.Module):
     """An elastic material; its numbers may be scalars or one value an element."""
 
+    ranges: ClassVar[Range] = Range(above=("E",))
     E: eqx.AbstractVar[Parameter]
     nu: eqx.AbstractVar[Parameter]
 
@@ -116,7 +117,7 @@ class AbstractMaterial(eqx.Module):
         Raises:
             ValueError: E is not above zero, or ν does not lie between −1 and 0.5.
         """
-        check_range(self, above=("E",))
+        check_range(self)
         if is_traced(self.nu):
             return
         nu = np.asarray(self.nu)

@@ -9,7 +9,7 @@ Hsu & Bazilevs 2011, eq. 8) and Kelvin-Voigt damping P_v = F 2η Ė.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -26,7 +26,7 @@ from jaxfsi.core.materials import (
     transposed,
 )
 from jaxfsi.core.wall_elements import AbstractWallElement, Points
-from lumped.parameters import Parameter, check_range, parameter
+from lumped.parameters import Parameter, Range, check_range, parameter
 
 
 class Wall(eqx.Module):
@@ -40,6 +40,9 @@ class Wall(eqx.Module):
         support_damping: of the tissue outside, traction per velocity [dyn·s/cm³].
     """
 
+    ranges: ClassVar[Range] = Range(
+        above=("rho_s",), least=("damping", "support_stiffness", "support_damping")
+    )
     material: AbstractMaterial
     rho_s: Parameter = parameter(default=1.1)
     damping: Parameter = parameter(default=0.0)
@@ -52,8 +55,7 @@ class Wall(eqx.Module):
         Raises:
             ValueError: a concrete number is out of its range.
         """
-        least = ("damping", "support_stiffness", "support_damping")
-        check_range(self, above=("rho_s",), least=least)
+        check_range(self)
 
 
 class WallMotion(NamedTuple):

@@ -13,7 +13,7 @@ are those to which the second-order runs of solids4foam's case 3dTube tend.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -31,7 +31,7 @@ from jaxfsi.core.viscosity import Newtonian
 from jaxfsi.mesh import Mesh
 from jaxfsi.verification.figures import Figure, figure
 from jaxfsi.verification.round_tube import round_tube
-from lumped.parameters import Parameter, check_range, parameter
+from lumped.parameters import Parameter, Range, check_range, parameter
 from lumped.waveforms import AbstractWaveform, Constant
 
 RADIUS, THICKNESS, LENGTH = 0.5, 0.1, 5.0
@@ -55,8 +55,10 @@ class Burst(AbstractWaveform):
     value: Parameter = parameter()
     t_end: Parameter = parameter()
 
+    ranges: ClassVar[Range] = Range(above=("t_end",), finite=("value",))
+
     def __check_init__(self):
-        check_range(self, above=("t_end",), finite=("value",))
+        check_range(self)
 
     def __call__(self, t: Parameter) -> Array:
         """Value at time t [s]."""

@@ -8,7 +8,7 @@ bytes. Source: "VTK file formats", VTK user's guide, section on XML formats.
 import os
 import pathlib
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,6 +21,7 @@ _TRIANGLE = 5
 _ONE_TUPLE = ' NumberOfTuples="1"'
 _DATA_MARK = b'<AppendedData encoding="raw">\n_'
 _HEAD_SIZE = 1 << 16  # holds the head of a frame and its first block, the time
+_COMPONENTS = {3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "yz", "xz")}
 _TYPES = {"f4": "Float32", "f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
 
 Fields = Mapping[str, np.ndarray]
@@ -34,6 +35,7 @@ class Grid:
         points: Float[np.ndarray, "nodes 3"],
         cells: Int[np.ndarray, "cells corners"],
         cell_data: Fields | None = None,
+        names: Mapping[str, Sequence[str]] | None = None,
     ):
         """Take points and cells.
 
@@ -41,6 +43,7 @@ class Grid:
             points: positions [cm].
             cells: nodes of tetrahedra (four) or triangles (three).
             cell_data: values of the cells that are the same in every frame.
+            names: lists of names that every frame carries, as text arrays of its field data.
 
         Raises:
             ValueError: the cells are neither.
@@ -59,6 +62,7 @@ class Grid:
             _packed("types", np.full(len(cells), kind, np.uint8)),
         ]
         self._cell_data = [_packed(name, a) for name, a in (cell_data or {}).items()]
+        self._names = "".join(_text_array(name, texts) for name, texts in (names or {}).items())
 
     def write(
         self, path: pathlib.Path, t: float, point_data: Fields, cell_data: Fields | None = None
@@ -86,7 +90,7 @@ class Grid:
             '<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian"'
             ' header_type="UInt64" compressor="vtkZLibDataCompressor">',
             "<UnstructuredGrid>",
-            f"<FieldData>{_entry(time, 0, _ONE_TUPLE)}</FieldData>",
+            f"<FieldData>{_entry(time, 0, _ONE_TUPLE)}{self._names}</FieldData>",
             f'<Piece NumberOfPoints="{self.n_points}" NumberOfCells="{self.n_cells}">',
         ]
         blocks, offset = [time[3]], len(time[3])
@@ -162,7 +166,19 @@ def _packed(name: str, values: np.ndarray) -> Packed:
 
 def _entry(array: Packed, offset: int, more: str = "") -> str:
     name, kind, components, _ = array
+    said = "".join(
+        f' ComponentName{i}="{part}"' for i, part in enumerate(_COMPONENTS.get(components, ()))
+    )
     return (
-        f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}"{more}'
+        f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}"{said}{more}'
         f' format="appended" offset="{offset}"/>'
+    )
+
+
+def _text_array(name: str, texts: Sequence[str]) -> str:
+    """Texts as VTK keeps them: the numbers of their bytes, each text ended by a zero."""
+    codes = b"".join(text.encode() + b"\0" for text in texts)
+    return (
+        f'<Array type="String" Name="{name}" NumberOfTuples="{len(texts)}" format="ascii">'
+        f"{' '.join(map(str, codes))}</Array>"
     )

@@ -1,13 +1,14 @@
 """The fields of a run as a time series for ParaView, written while it runs.
 
-One mesh holds both regions (cell array ``region``: 0 blood, 1 wall). Points stay where they are in
-the reference configuration; ``displacement_cm`` (that of the wall in the wall, that of the blood's
-mesh in the blood) moves them: Warp By Vector in ParaView, ``warp_by_vector`` in PyVista.
+One mesh holds both regions (cell array ``region``: 0 blood, 1 wall, as the field data
+``region_names`` say; ``label_names`` are those of the boundary of the mesh). Points stay where they
+are in the reference configuration; ``displacement_cm`` (that of the wall in the wall, that of the
+blood's mesh in the blood) moves them: Warp By Vector in ParaView, ``warp_by_vector`` in PyVista.
 
 | array | where | |
 |---|---|---|
 | ``velocity_cm_per_s`` | points | of blood and wall |
-| ``pressure_mmHg`` | points | of the blood, 0 elsewhere |
+| ``pressure_mmHg`` | points | of the blood; not a number inside the wall, which has none |
 | ``displacement_cm`` | points | see above |
 | ``wss_dyn_per_cm2`` | points | shear stress on the interface, 0 elsewhere |
 | ``stress_dyn_per_cm2`` | cells | Cauchy stress of the wall: xx, yy, zz, xy, yz, xz |
@@ -55,7 +56,12 @@ class FieldSeries(AbstractObserver):
         folder.mkdir(parents=True, exist_ok=True)
         self._folder, self._stem, self._every = folder, stem, every
         self._entries: list[Entry] = []
-        self._grid = Grid(mesh.points, mesh.tets, {"region": mesh.region.astype(np.uint8)})
+        self._grid = Grid(
+            mesh.points,
+            mesh.tets,
+            {"region": mesh.region.astype(np.uint8)},
+            {"region_names": ("blood", "wall"), "label_names": mesh.label_names},
+        )
         self._solid = mesh.region == Region.SOLID
         wet = np.any(mesh.region == Region.FLUID) and INTERFACE in mesh.label_names
         self._patches = wall_patches(mesh) if wet else None
@@ -118,7 +124,7 @@ def _fields(model: Model, state: State, patches: WallPatches | None):
     displacement = jnp.where(model.in_solid, state.d, state.d_mesh)
     points = {
         "velocity_cm_per_s": state.u.T,
-        "pressure_mmHg": jnp.where(model.in_fluid, state.p, 0.0) / MMHG,
+        "pressure_mmHg": jnp.where(model.in_fluid, state.p, jnp.nan) / MMHG,
         "displacement_cm": displacement.T,
     }
     points = {name: field[: model.n_vertices] for name, field in points.items()}

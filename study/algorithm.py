@@ -36,12 +36,13 @@ from study.fsi_sensitivity import Sensitivity, run_sensitivity
 from study.lumen_motion import lumen_motion
 from study.mesh_cache import mesh_key
 from study.mesh_case import mesh_state, planned_steps
+from study.opening_checks import check_names, check_openings
 from study.patient import LINEAR, QUADRATIC, stress_rules
 from study.pipeline import CaseResult, run_case
 from study.progress import Progress
 from study.ramp_run import RAMP, RampChoice, fitted, ramp_record
 from study.result_files import FIELD_FOLDER
-from study.simulation_case import STEP, check_openings, check_simulation
+from study.simulation_case import STEP, check_simulation
 from study.stages import Stages, stage_key
 
 PAPER, CURVE, LOOP, NOMINAL = "paper", "curve", "loop", "nominal"
@@ -111,6 +112,7 @@ def check_study(case: Case, choice: StudyChoice) -> None:
         CaseError: what is missing or out of range, or the fault of a finished mesh.
     """
     require(case, "study")
+    check_names(case, segment=False)
     faults: list[Fault] = []
     for name in case.conditions:
         try:

@@ -98,12 +98,13 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/faults.py", "study/figures.py", "study/finished_study.py", "study/folder_lock.py",
     "study/identity.py", "study/kept_parts.py", "study/lock_holder.py", "study/members.py",
     "study/mesh_cache.py", "study/mesh_command.py", "study/mesh_figures.py",
-    "study/mesh_results.py", "study/numerals.py", "study/numerics*", "study/output.py",
-    "study/pipeline_commands.py", "study/progress.py", "study/provenance.py", "study/report.py",
-    "study/result_files.py", "study/sensitivity_figures.py", "study/show_command.py",
-    "study/simulate_command.py", "study/simulation_figures.py", "study/simulation_rendering.py",
-    "study/stages.py", "study/stored_document.py", "study/stored_page.py", "study/stored_parts.py",
-    "study/summary.py", "study/template.py", "study/virtual_cohort.py",
+    "study/mesh_results.py", "study/numerals.py", "study/numerics*", "study/opening_checks.py",
+    "study/output.py", "study/pipeline_commands.py", "study/progress.py", "study/provenance.py",
+    "study/report.py", "study/result_files.py", "study/sensitivity_figures.py",
+    "study/show_command.py", "study/simulate_command.py", "study/simulation_figures.py",
+    "study/simulation_rendering.py", "study/stages.py", "study/stored_document.py",
+    "study/stored_page.py", "study/stored_parts.py", "study/summary.py", "study/template.py",
+    "study/virtual_cohort.py",
 )  # fmt: skip
 """Modules that decide no number that is kept, whatever the patterns of a part say."""
 

@@ -11,18 +11,14 @@ from study.command_output import Answer, note
 from study.earlier_run import can_go_on, make_way, set_run_aside
 from study.folder_lock import at_work
 from study.mesh_case import chosen_state, mesh_state, planned_steps
+from study.opening_checks import check_names, check_openings
 from study.openings import inlet_of
 from study.output import write_tree
 from study.progress import Progress
 from study.provenance import provenance
 from study.report import simulation_report
 from study.result_files import SIMULATION_FILE, SIMULATION_PAGE
-from study.simulation_case import (
-    check_openings,
-    check_simulation,
-    plan_steps,
-    prepare_simulation,
-)
+from study.simulation_case import check_simulation, plan_steps, prepare_simulation
 from study.simulation_pictures import draw_simulation
 from study.simulation_results import (
     SERIES_FILE,
@@ -31,13 +27,15 @@ from study.simulation_results import (
     simulation_document,
     write_pictures,
 )
-from study.simulation_run import STEP_NAME, Outcome, run_simulation
+from study.simulation_run import STEP_NAME, Outcome, march_seconds, run_simulation
 from study.stored_document import to_json
 
 
 def simulate_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
     """Run blood and wall in 3D, or go on with the run of the folder."""
+    check_names(case, segment=True)
     check_simulation(case, options.condition, rigid=options.rigid, dt=options.dt)
+    schedule = plan_steps(case, options.condition, dt=options.dt, cycles=options.cycles)
     if options.preset is not None:
         case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
     state = chosen_state(case, options.state)
@@ -47,13 +45,12 @@ def simulate_command(options: argparse.Namespace, case: Case, folder: pathlib.Pa
             {
                 **planned_steps(case, [state]),
                 "preparing": 20.0 if options.rigid else 80.0,
-                STEP_NAME: 1000.0,
+                STEP_NAME: march_seconds(case.mesh.preset, schedule.n_steps),
             }
         )
         mesh = mesh_state(case, state, progress).mesh
-        check_openings(case, mesh, rigid=options.rigid)
+        check_openings(case, mesh, rigid=options.rigid, segment=True)
         progress.step("preparing")
-        schedule = plan_steps(case, options.condition, dt=options.dt, cycles=options.cycles)
         setup = prepare_simulation(
             case, mesh, options.condition, schedule, rigid=options.rigid, alpha=options.alpha
         )

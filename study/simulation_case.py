@@ -7,6 +7,9 @@
 | an anomalous outlet | five-element coronary bed, its resistances times alpha |
 | every other outlet | the coronary bed of the case, not scaled |
 
+A segment, a vessel without the aorta, has the aortic pressure at its ``inlet`` and a coronary bed
+times alpha behind each of its outlets; it needs no cardiac output.
+
 Under stress the rule of the case changes all blocks. In series with the Windkessel stands the
 characteristic impedance of the aorta, which sends no wave back; it stays as it is under stress. A
 case can have the 10 dyn·s/cm⁵ of the paper instead. With them the inertia of the blood in the aorta
@@ -63,10 +66,10 @@ from lumped.network import Network
 from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
 from study.case import Case, Condition
-from study.case_anatomy import MeshAnatomy, SurfaceAnatomy
 from study.case_model import Keep, case_model
-from study.faults import CaseError, Fault, shown_key
-from study.openings import ANOMALOUS, INLET, OUTLET
+from study.faults import CaseError, Fault
+from study.opening_checks import names_segment
+from study.openings import ANOMALOUS, OUTLET, inlet_name, is_segment
 from study.patient import Patient, condition_of, load_patient, stress_rules
 
 STEP = 1.0e-3
@@ -161,7 +164,7 @@ def check_simulation(case: Case, condition: str, *, rigid: bool, dt: float | Non
         faults.append(Fault(case.path, "condition", None, problem, known, "name one of these"))
     else:
         entry = case.conditions[condition]
-        if _output(case, condition) is None:
+        if _output(case, condition) is None and not names_segment(case):
             problem = "the cardiac output is missing; the Windkessel of the aorta follows from it"
             cure = "add cardiac_output_l_per_min below [condition.rest]"
             key = f"condition.{condition}.cardiac_output_l_per_min"
@@ -183,32 +186,6 @@ def check_simulation(case: Case, condition: str, *, rigid: bool, dt: float | Non
         )
     if faults:
         raise CaseError(faults)
-
-
-def check_openings(case: Case, mesh: Mesh, *, rigid: bool) -> None:
-    """Refuse a mesh whose openings do not say which is which.
-
-    Raises:
-        CaseError: an opening of the aorta is missing, or there is no outlet or no wall.
-    """
-    names, problem, cure = mesh.openings, "", "name the ends of aorta and coronary in the anatomy"
-    match case.anatomy:
-        case MeshAnatomy():
-            old = min(names, key=lambda name: "inlet" not in name, default="NAME")
-            cure = f'name them below [anatomy.labels], such as {shown_key(old)} = "{INLET}"'
-        case SurfaceAnatomy():
-            cure = f"name them below [anatomy.openings], such as {INLET} = [x, y, z]"
-        case _:
-            pass
-    missing = [name for name in (INLET, OUTLET) if name not in names]
-    if missing:
-        problem = f"the mesh has no opening named {' or '.join(missing)}"
-    elif len(names) < 3:
-        problem, cure = "the mesh has no coronary outlet", "use a mesh with a coronary artery"
-    elif not rigid and not np.any(mesh.region == Region.SOLID):
-        problem, cure = "the mesh has no wall", "use --rigid"
-    if problem:
-        raise CaseError([Fault(case.path, "anatomy", None, problem, ", ".join(names), cure)])
 
 
 def plan_steps(
@@ -310,16 +287,19 @@ def outlets_of(
     patient = _patient(case)
     alpha, origin = _alpha(patient, alpha)
     own = None if patient is None else patient.model.surrogate
-    blocks: dict[str, AbstractElement] = {
-        OUTLET: _windkessel(case, condition, rule, _opening_area(mesh, OUTLET))
-    }
-    starts = {OUTLET: _start(inlet, entry.period, blocks[OUTLET])}
+    blocks: dict[str, AbstractElement] = {}
+    starts = {}
+    segment = is_segment(mesh.openings)
+    if not segment:
+        blocks[OUTLET] = _windkessel(case, condition, rule, _opening_area(mesh, OUTLET))
+        starts[OUTLET] = _start(inlet, entry.period, blocks[OUTLET])
     for name in mesh.openings:
-        if name in (INLET, OUTLET):
+        if name in (inlet_name(mesh.openings), OUTLET):
             continue
-        scale = alpha if name.startswith(ANOMALOUS) else 1.0
+        anomalous = segment or name.startswith(ANOMALOUS)
+        scale = alpha if anomalous else 1.0
         block = blocks[name] = _coronary(case, entry, rule, scale)
-        if name.startswith(ANOMALOUS) and own is not None:
+        if anomalous and own is not None:
             before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=block)
             starts[name] = _states(before.network(condition_of(entry), inlet=inlet), entry.period)
         else:

@@ -17,7 +17,7 @@ from lumped import ML_PER_MIN, MMHG
 from study.case import Case
 from study.document_rows import ratio_name
 from study.mesh_results import picture_text
-from study.openings import INLET, SEGMENT_INLET, distal_name
+from study.openings import INLET, SEGMENT_INLET, distal_name, is_segment
 from study.result_files import FIELD_FOLDER
 from study.result_files import SIMULATION_PICTURES as PICTURE_FOLDER
 from study.simulation_case import Setup
@@ -220,6 +220,12 @@ def _notes(
                 f"the wall is taken to be free of stress at the diastolic pressure, {P:.0f} mmHg,"
                 " which also acts on its outside"
             )
+        notes.append(("info", text))
+    if is_segment(setup.mesh.openings):
+        text = (
+            "a vessel without the aorta: the aortic pressure of the condition acts at its inlet,"
+            " and the coronary bed of the case, times alpha, lies behind each outlet"
+        )
         notes.append(("info", text))
     if setup.outlets.alpha_origin.startswith("nominal"):
         notes.append(("info", f"alpha = 1, {setup.outlets.alpha_origin}"))

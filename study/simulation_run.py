@@ -53,6 +53,8 @@ steps of 1 ms; more than 0 was not tried since they are not (`jaxfsi.core.equati
 
 STEP_NAME = "running"
 _HISTORY_SECONDS = 10.0
+_COMPILE_SECONDS = 60.0
+_STEP_SECONDS = {"coarse": 0.2, "medium": 1.0, "fine": 4.0}
 
 
 class Outcome(NamedTuple):
@@ -186,6 +188,11 @@ class _Watch:
         if now - self._written > _HISTORY_SECONDS:
             write_history(self._folder, glimpse.record, glimpse.names)
             self._written = now
+
+
+def march_seconds(preset: str, n_steps: int) -> float:
+    """Usual time of a run on a mesh of a preset, its compiling included [s]."""
+    return _COMPILE_SECONDS + n_steps * _STEP_SECONDS[preset]
 
 
 def progress_text(glimpse: Glimpse, schedule: Schedule, pace: float) -> str:

@@ -33,7 +33,8 @@ id = "patient-01"                   # names the results: letters, digits, ". _ -
 #            ostium_major_mm, ostium_minor_mm, intramural_length_mm, septum_mm, hypoplasia,
 #            ellipticity, reference_radius_mm, tube_radius_mm, ... (all of SyntheticAnatomy)
 # surface:   surface = "lumen.stl" (STL, PLY, OBJ, VTP), unit = "mm" | "cm", smoothing_steps = 10;
-#            [anatomy.openings] aorta_inlet = [x, y, z], ... names the vessel ends;
+#            [anatomy.openings] aorta_inlet = [x, y, z], ... names the vessel ends; inlet and
+#            outlet (outlet_1, ...) those of a coronary artery without the aorta, for simulate;
 #            [anatomy.cuts.NAME] centre, normal, radius cuts a vessel that has no flat end
 # mesh:      path = "mesh.vtu", or fluid = "..." and solid = "..." (mesh-complete folders),
 #            unit = "mm" | "cm"; [anatomy.labels] OLD = "NEW" renames openings and surfaces

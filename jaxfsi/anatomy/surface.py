@@ -60,6 +60,8 @@ _LONGEST = 3.0  # edge over the median one
 _MARGIN = 0.3
 _BALL = 1.15  # radius of an opening over that of the vessel with its wall
 _OWN = 1.5  # way over the surface from an end to what belongs to it, over the radius of its ball
+_AORTA_RADIUS = (0.3, 4.0)
+_CORONARY_RADIUS = (0.03, 0.6)
 _LINE_STEP = 0.05
 _LINE_SMOOTHING = 0.2
 _AORTIC = 0.6  # radius over that of the aorta below which a path is a branch
@@ -75,14 +77,15 @@ class SurfaceOptions:
         thickness_minimum: least wall thickness [cm].
         thickness_maximum: greatest wall thickness [cm].
         radius_range: in which the radius of the largest opening must lie [cm]; catches units
-            that are wrong by a factor of ten.
+            that are wrong by a factor of ten. None: that of an aorta, or of a coronary artery
+            where names are given and none of them begins with ``aorta``.
     """
 
     smoothing_steps: int = 10
     thickness_per_radius: float = 0.1
     thickness_minimum: float = 0.05
     thickness_maximum: float = 0.15
-    radius_range: tuple[float, float] = (0.3, 4.0)
+    radius_range: tuple[float, float] | None = None
 
 
 class Cut(NamedTuple):
@@ -135,7 +138,7 @@ def surface_anatomy(
     scaled = Triangles(scale * given.points, given.faces)
     check_span(scaled, _LARGEST)
     body, ends = _opened(scaled)
-    _check_ends(ends, cuts or {}, options, unit)
+    _check_ends(ends, names or {}, cuts or {}, options, unit)
     smooth, longest = _smooth(body, ends, options.smoothing_steps)
     ends = ends_of(smooth)
     closed = refined(extended_and_closed(smooth, ends, _OVERRUN, step=longest), longest)
@@ -192,7 +195,11 @@ def _change(body: Triangles, smooth: Triangles) -> dict[str, object]:
 
 
 def _check_ends(
-    ends: Sequence[FlatEnd], cuts: Mapping[str, Cut], options: SurfaceOptions, unit: Unit
+    ends: Sequence[FlatEnd],
+    names: Mapping[str, Sequence[float]],
+    cuts: Mapping[str, Cut],
+    options: SurfaceOptions,
+    unit: Unit,
 ) -> None:
     if len(ends) + len(cuts) < 2:
         raise ValueError(
@@ -201,12 +208,16 @@ def _check_ends(
             " (cuts)."
         )
     radii = [end.radius for end in ends] + [_CM[unit] * cut.radius for cut in cuts.values()]
-    low, high = options.radius_range
+    alone = bool(names) and not any(name.startswith("aorta") for name in names)
+    low, high = options.radius_range or (_CORONARY_RADIUS if alone else _AORTA_RADIUS)
     if not low <= max(radii) <= high:
+        other, cure = "there is no aorta", "a coronary artery alone, name its ends inlet and outlet"
+        if alone:
+            other, cure = "there is an aorta", "an aorta, name its ends aorta_inlet, aorta_outlet"
         raise ValueError(
             f"the largest opening has a radius of {max(radii):.3g} cm, expected {low:g}..{high:g}"
-            f" cm: the unit ({unit}) is probably wrong. Give the unit of the coordinates, or"
-            " another radius_range."
+            f" cm: the unit ({unit}) is probably wrong, or {other}. Give the unit of the"
+            f" coordinates; of {cure} ([anatomy.openings] in a case)."
         )
 
 

@@ -20,8 +20,8 @@ from study import CaseError, read_case
 from study.anatomy_source import case_mesh
 from study.case import WindkesselParameters
 from study.earlier_run import clear_run
+from study.opening_checks import check_openings
 from study.simulation_case import (
-    check_openings,
     check_simulation,
     plan_steps,
     prepare_simulation,

@@ -33,11 +33,10 @@ from lumped import (
     march,
     raise_unless_successful,
     scale_resistances,
-    steady_state,
     waveform_mean,
 )
 from lumped.parameters import Parameter, in_range, is_traced, nan_unless, only_if
-from lumped.periodic_solution import mean_start
+from lumped.periodic_solution import mean_start, rest_state
 from lumped.results import as_result, is_successful
 from lumped.sources import PressureSource
 from lumped.surrogate import C0_NOMINAL, NOMINAL
@@ -196,7 +195,11 @@ def _calibrate(
     goal = jnp.where(usable, target, 0.9)
     network = patient.network(state)
     if network.is_linear:
-        fit = _calibrate_linear(network, state.period, goal)
+        # the means of the patient's own waveforms are known from `answerable`: chosen, not computed
+        own = nominal(surrogate).network(condition)
+        means = [waveform_mean(w, condition.period) for w in own.waveforms()]
+        direct = network.with_sources([jnp.where(usable, mean, 95.0 * MMHG) for mean in means])
+        fit = _calibrate_linear(direct, goal)
     else:
         fit = _calibrate_nonlinear(network, state.period, goal, solver)
     return checked_fit(fit, in_order, reachable, (surrogate, condition, target))
@@ -256,21 +259,25 @@ def checked_fit(fit: AlphaFit, in_order: Array, reachable: Array, data: Any) -> 
 
 def answerable(surrogate: Surrogate, condition: Condition, target: Array) -> tuple[Array, Array]:
     """Whether all numbers lie in their ranges, and whether a scale factor exists; traceable."""
-    nominal = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.ones(()))
-    P_mean = mean_aortic_pressure(nominal, condition)
-    K = jnp.zeros(()) if nominal.K is None else nominal.K
-    obstructed = jnp.maximum(nominal.R0, K) > 0.0
-    in_order = in_range((nominal, condition, nominal.network(condition))) & jnp.isfinite(target)
-    return in_order, _reachable(target, P_mean, nominal.coronary.P_venous) & obstructed
+    patient = nominal(surrogate)
+    P_mean = mean_aortic_pressure(patient, condition)
+    K = jnp.zeros(()) if patient.K is None else patient.K
+    obstructed = jnp.maximum(patient.R0, K) > 0.0
+    in_order = in_range((patient, condition, patient.network(condition))) & jnp.isfinite(target)
+    return in_order, _reachable(target, P_mean, patient.coronary.P_venous) & obstructed
 
 
-def _calibrate_linear(network: Network, period: Parameter, target: Array) -> AlphaFit:
+def nominal(surrogate: Surrogate) -> Surrogate:
+    """The patient at α = 1."""
+    return eqx.tree_at(lambda s: s.alpha, surrogate, jnp.ones(()))
+
+
+def _calibrate_linear(direct: Network, target: Array) -> AlphaFit:
     """Newton on 1/α ↦ 1/ratio of the direct-current network."""
-    direct = averaged(network, period)
-    aorta, distal = network.pressure_index("aorta"), network.pressure_index("distal")
+    aorta, distal = direct.pressure_index("aorta"), direct.pressure_index("distal")
 
     def ratio(inverse_alpha, model):
-        z = steady_state(with_alpha(model, 1.0 / inverse_alpha))
+        z, _ = rest_state(with_alpha(model, 1.0 / inverse_alpha))
         return z[distal] / z[aorta]
 
     def mismatch(inverse_alpha, args):
@@ -278,7 +285,7 @@ def _calibrate_linear(network: Network, period: Parameter, target: Array) -> Alp
         return 1.0 / ratio(inverse_alpha, model) - 1.0 / goal
 
     newton = optx.Newton(rtol=TOLERANCE, atol=TOLERANCE)
-    guess = jax.lax.stop_gradient(1.0 / _steady_alpha(network, direct, target))
+    guess = jax.lax.stop_gradient(1.0 / _steady_alpha(direct, target))
     solution = optx.root_find(
         mismatch, newton, guess, (direct, target), max_steps=MAX_STEPS, throw=False
     )
@@ -290,10 +297,10 @@ def _calibrate_linear(network: Network, period: Parameter, target: Array) -> Alp
     )
 
 
-def _steady_alpha(network: Network, direct: Network, target: Array) -> Array:
+def _steady_alpha(direct: Network, target: Array) -> Array:
     """α under steady flow: the drop (1 − r) P̄ = R0 Q + K Q² gives Q, the bed takes the rest."""
-    ostium: Any = network["ostium"]
-    bed: Any = network["coronary"]
+    ostium: Any = direct["ostium"]
+    bed: Any = direct["coronary"]
     source: Any = direct["inlet"]
     P_mean = source.waveform(0.0)
     drop = (1.0 - target) * P_mean
@@ -311,7 +318,7 @@ def _calibrate_nonlinear(
     n = network.n_states
     aorta, distal = network.pressure_index("aorta"), network.pressure_index("distal")
     fix = jax.lax.stop_gradient
-    alpha_0 = fix(_steady_alpha(network, averaged(network, period), target))
+    alpha_0 = fix(_steady_alpha(averaged(network, period), target))
     guess = fix(mean_start(with_alpha(network, alpha_0), period))
     scale = jnp.max(jnp.abs(guess))
 

@@ -52,8 +52,10 @@ def ratio_after_cycles(
     Not converged; linear surrogates only. NaN where a traced parameter lies outside its range.
 
     Raises:
-        ValueError: the surrogate has a quadratic loss.
+        ValueError: the surrogate has a quadratic loss, or there is no cycle or no step.
     """
+    if cycles < 1 or n_steps < 1:
+        raise ValueError(f"{n_steps} steps in {cycles} cycles: both must be at least 1. Give more.")
     network = surrogate.network(condition)
     system = state_space(network)
     dt = condition.period / n_steps

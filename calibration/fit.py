@@ -75,7 +75,8 @@ def fit(
         throw: raise when the solver fails (outside jit). With False look at `result`.
 
     Returns:
-        The optimum with its uncertainty and what the data determine.
+        The optimum with its uncertainty and what the data determine. Where residuals are not
+        finite its numbers are NaN; where only the steps ran out they are those of the last one.
 
     Raises:
         ValueError: a parameter does not exist, or a start is outside its bounds.
@@ -227,10 +228,11 @@ def minimise(
     prior_residual, prior_jacobian = axes.prior_residual(u), jax.jacfwd(axes.prior_residual)(u)
     cost = jnp.sum(residual**2) + jnp.sum(prior_residual**2)
     at_bound = axes.at_bound(jax.lax.stop_gradient(u))
+    known = jnp.isfinite(cost)
     return Outcome(
-        u=u,
-        values=axes.values(u),
-        slope=axes.slope(u),
+        u=jnp.where(known, u, jnp.nan),
+        values=jnp.where(known, axes.values(u), jnp.nan),
+        slope=jnp.where(known, axes.slope(u), jnp.nan),
         residual=residual,
         prior_residual=prior_residual,
         jacobian=jacobian,

@@ -19,6 +19,7 @@ du/dy enters the solver by differentiation, d²u/dy² as the option `bend`; unce
 computed in u and see neither.
 """
 
+import dataclasses
 import difflib
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
@@ -110,7 +111,7 @@ def _walk(model: Any, path: str) -> Any:
             else:
                 model = getattr(model, part) if hasattr(model, part) else model[part]
         except (TypeError, KeyError, IndexError, ValueError) as fault:
-            known = list(getattr(model, "__dataclass_fields__", model if _iterable(model) else ()))
+            known = _names(model)
             near = difflib.get_close_matches(part, [str(k) for k in known], n=1)
             hint = (
                 f"Did you mean '{near[0]}'?" if near else f"It has: {', '.join(map(str, known))}."
@@ -121,8 +122,11 @@ def _walk(model: Any, path: str) -> Any:
     return model
 
 
-def _iterable(value: Any) -> bool:
-    return isinstance(value, dict | tuple | list)
+def _names(model: Any) -> list[Any]:
+    """What a path may name in a model."""
+    if dataclasses.is_dataclass(model):
+        return [field.name for field in dataclasses.fields(model)]
+    return list(model) if isinstance(model, dict | tuple | list) else []
 
 
 def as_free(free: Sequence[FreeParameter | str]) -> tuple[FreeParameter, ...]:

@@ -66,7 +66,13 @@ class LoopFit(NamedTuple):
 
 
 def surrogate_ratio(surrogate: Surrogate, condition: Condition, alpha: float) -> float:
-    """Resting ratio of a surrogate with a scale factor [-]."""
+    """Resting ratio of a surrogate with a scale factor [-].
+
+    Raises:
+        ValueError: the scale factor is not positive.
+    """
+    if not 0.0 < alpha < math.inf:
+        raise ValueError(f"The scale factor alpha = {alpha} must be finite and positive.")
     tuned = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.asarray(alpha, float))
     solver = Propagator() if surrogate.K is None else Shooting()
     return float(pressure_ratio(solve_periodic(tuned.network(condition), condition.period, solver)))
@@ -86,7 +92,8 @@ def next_alpha(
     Raises:
         ValueError: no run has a ratio between 0 and 1, or no scale factor reaches the target.
     """
-    usable = [trial for trial in trials if 0.0 < trial.ratio < 1.0]
+    _check_target(target)
+    usable = [trial for trial in trials if 0.0 < trial.ratio < 1.0 and 0.0 < trial.alpha < math.inf]
     if not usable:
         raise ValueError(
             f"No run gave a resting ratio between 0 and 1 ({[t.ratio for t in trials]}): alpha"
@@ -129,10 +136,17 @@ def calibrate_in_loop(
         The best run and all of them; `reached` says whether it is near enough.
 
     Raises:
-        ValueError: see `next_alpha`, or there is no start.
+        ValueError: see `next_alpha`, there is no start, or the target does not lie between 0
+            and 1.
     """
-    if not starts:
-        raise ValueError("Give at least one scale factor to start with: that of the surrogate.")
+    _check_target(target)
+    if not starts or not all(0.0 < alpha < math.inf for alpha in starts):
+        raise ValueError(
+            f"Scale factors to start with: {list(starts)}. Give at least one, all positive: that "
+            "of the surrogate."
+        )
+    if not tolerance > 0.0:
+        raise ValueError(f"tolerance = {tolerance} must be positive. Try {RATIO_TOLERANCE}.")
     trials: list[Trial] = []
     while len(trials) <= max_extra:
         if len(trials) < len(starts):
@@ -142,5 +156,18 @@ def calibrate_in_loop(
         trials.append(Trial(alpha, run(alpha)))
         if abs(trials[-1].ratio - target) <= tolerance:
             break
-    best = min(trials, key=lambda trial: abs(trial.ratio - target))
+    best = min(trials, key=lambda trial: _distance(trial.ratio, target))
     return LoopFit(best.alpha, best.ratio, tuple(trials), abs(best.ratio - target) <= tolerance)
+
+
+def _check_target(target: float) -> None:
+    if not 0.0 < target < 1.0:
+        raise ValueError(
+            f"A resting ratio of {target} cannot be reached: it must lie between 0 and 1. A value"
+            " of 1 or more means no obstruction, or drift of the pressure wire."
+        )
+
+
+def _distance(ratio: float, target: float) -> float:
+    """How far a ratio lies from the target; a run without a ratio lies farthest."""
+    return abs(ratio - target) if math.isfinite(ratio) else math.inf

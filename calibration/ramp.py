@@ -198,8 +198,9 @@ def _fitted(X: Float[Array, "n k"], drop: Float[Array, " n"], largest: Array) ->
     result = RESULTS.where(flows & lawful, good, bad)
     result = RESULTS.where(finite, result, cast(Any, RESULTS.nonfinite))
     factor = nan_unless(is_successful(result))
+    law = PressureFlowLaw(a=1.0, b=1.0)  # what takes its place is NaN where there is no law
     return RampFit(
-        law=PressureFlowLaw(a=found[0] * factor, b=found[1] * factor),
+        law=eqx.tree_at(lambda one: (one.a, one.b), law, (found[0] * factor, found[1] * factor)),
         L=found[2] * factor,
         transmural=more * factor,
         covariance=variance * inverse[:2, :2] * factor,

@@ -51,9 +51,11 @@ that with ``K_contraction=0, development=0`` for their law.
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxfsi import Lumen
+from lumped.parameters import is_traced, nan_unless, numbers_in_range
 from lumped.units import ML_PER_MIN
 
 _SHORT_DUCT = 3.44
@@ -76,8 +78,9 @@ def _safe_sqrt(x: Float[Array, "*t"]) -> Float[Array, "*t"]:
 class PressureFlowLaw(eqx.Module):
     """ΔP = a Q + b Q|Q|, a resistance that grows with flow.
 
-    Both coefficients are differentiated. They are not negative and not both zero. The methods
-    take one law; a batch of laws goes through `jax.vmap`.
+    Both coefficients are differentiated. They are not negative and not both zero, but for a small
+    negative b where a lumen widens. The methods take one law; a batch of laws goes through
+    `jax.vmap`. What a traced law that is none gives is NaN.
 
     Attributes:
         a: resistance at zero flow [dyn·s/cm⁵].
@@ -86,6 +89,16 @@ class PressureFlowLaw(eqx.Module):
 
     a: Float[Array, "*batch"] = eqx.field(converter=_as_float)
     b: Float[Array, "*batch"] = eqx.field(converter=_as_float)
+
+    def __check_init__(self):
+        if is_traced(self.a, self.b):
+            return
+        a, b = np.asarray(self.a), np.asarray(self.b)
+        if not np.all(np.isfinite(a) & np.isfinite(b) & (a >= 0.0) & ((a > 0.0) | (b > 0.0))):
+            raise ValueError(
+                f"The law a = {a} dyn·s/cm⁵, b = {b} dyn·s²/cm⁸ is that of no artery: a must not "
+                "be negative, and one of the two positive. Check the signs of flow and drop."
+            )
 
     def pressure_drop(self, Q: Float[ArrayLike, "*t"]) -> Float[Array, "*t"]:
         """Pressure drop at a flow Q [cm³/s], in dyn/cm²; odd in Q."""
@@ -98,7 +111,9 @@ class PressureFlowLaw(eqx.Module):
         a + 2 b|Q| = √(a² + 4 b|ΔP|). At 40 mmHg it is the R0 of Puelz et al. (arXiv 2405.01703);
         at a resting drop of a few mmHg it overstates the resistance.
         """
-        return _safe_sqrt(self.a**2 + 4.0 * self.b * jnp.abs(_as_float(dP)))
+        square = self.a**2 + 4.0 * self.b * jnp.abs(_as_float(dP))
+        lawful = (self.a >= 0.0) & ((self.a > 0.0) | (self.b > 0.0)) & (square >= 0.0)
+        return _safe_sqrt(square) * nan_unless(lawful)
 
     def secant(self, dP: Float[ArrayLike, "*t"]) -> Float[Array, "*t"]:
         """Resistance ΔP/Q at a pressure drop dP [dyn/cm²], in dyn·s/cm⁵; a at dP = 0."""
@@ -110,8 +125,8 @@ class PressureFlowLaw(eqx.Module):
         The root of the quadratic with the sum in its denominator loses no digits at small dP.
         """
         resistance = self.secant(dP)
-        passable = resistance > 0.0
-        return jnp.where(passable, _as_float(dP) / jnp.where(passable, resistance, 1.0), 0.0)
+        blocked = resistance == 0.0  # a purely quadratic law at no drop
+        return jnp.where(blocked, 0.0, _as_float(dP) / jnp.where(blocked, 1.0, resistance))
 
 
 class LumenLosses(eqx.Module):
@@ -167,9 +182,22 @@ def contraction_coefficient(take_off_angle: Float[ArrayLike, ""]) -> Float[Array
 
     Args:
         take_off_angle: δ between the vessel and the wall of the aorta [rad], 0..π/2.
+
+    Returns:
+        ζ; NaN where a traced angle lies outside its range.
+
+    Raises:
+        ValueError: the angle lies outside its range.
     """
-    cosine = jnp.cos(_as_float(take_off_angle))
-    return 0.5 + 0.3 * cosine + 0.2 * cosine**2
+    angle = _as_float(take_off_angle)
+    inside = (angle >= 0.0) & (angle <= np.pi / 2.0 + 1e-9)
+    if not is_traced(angle) and not np.all(inside):
+        raise ValueError(
+            f"A take-off angle of {angle} rad must lie from 0 (along the wall) to π/2. Is it in "
+            "degrees?"
+        )
+    cosine = jnp.cos(angle)
+    return (0.5 + 0.3 * cosine + 0.2 * cosine**2) * nan_unless(inside)
 
 
 def viscous_resistance(lumen: Lumen, *, mu: Float[ArrayLike, ""]) -> Float[Array, " frames"]:
@@ -220,9 +248,26 @@ def lumen_losses(
         K_contraction: coefficient ζ of the contraction into the first cross-section [-].
         K_expansion: coefficient K_e of the expansion behind the narrowest cross-section [-].
         development: factor on the development loss [-]; 0 leaves it out.
+
+    Returns:
+        The parts; NaN where a traced number lies outside its range.
+
+    Raises:
+        ValueError: a number lies outside its range.
     """
     mu, rho, Q_reference, area_upstream = map(_as_float, (mu, rho, Q_reference, area_upstream))
     area = lumen.area
+    above = {"mu [P]": mu, "rho [g/cm³]": rho, "Q_reference [cm³/s]": Q_reference}
+    in_order = numbers_in_range(above={**above, "area of the lumen [cm²]": area})
+    fits = (area_upstream > 0.0) & jnp.all(jnp.diff(lumen.s) > 0.0)
+    if not is_traced(fits) and not bool(fits):
+        raise ValueError(
+            f"A lumen at s = {np.asarray(lumen.s)} cm behind an area of {area_upstream} cm² has no "
+            "resistance: s must ascend and the area upstream be positive. Leave the area out for "
+            "the aorta."
+        )
+    factor = nan_unless(jnp.all(in_order) & fits)
+    mu, rho = mu * factor, rho * factor
     a_frames = viscous_resistance(lumen, mu=mu)
     a = jnp.sum(a_frames)
     n = jnp.argmin(area)

@@ -112,8 +112,17 @@ def _simulate(
 
 
 def map_cases(function: Any, cases: Any, *, batch_size: int) -> Any:
-    """Apply a function to every case of a pytree whose leaves have a leading axis or none."""
+    """Apply a function to every case of a pytree whose leaves have a leading axis or none.
+
+    Raises:
+        ValueError: the axes differ in length, or there is no case or no chunk.
+    """
     split, shared = eqx.partition(cases, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0)
+    if _length(split) < 1 or batch_size < 1:
+        raise ValueError(
+            f"{_length(split)} cases in chunks of {batch_size}: give at least one, in chunks of 1 "
+            "or more."
+        )
     return jax.lax.map(lambda own: function(eqx.combine(own, shared)), split, batch_size=batch_size)
 
 
@@ -162,7 +171,8 @@ def _length(axis: Any) -> int:
     lengths = {leaf.shape[0] for leaf in jax.tree.leaves(axis) if jnp.ndim(leaf)}
     if len(lengths) != 1:
         raise ValueError(
-            f"An axis of a grid needs one common length of its leading axes; got {sorted(lengths)}."
+            "What differs from case to case needs one common length of its leading axes; got "
+            f"{sorted(lengths)}."
         )
     return lengths.pop()
 

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from lumped import RCR
-from lumped.parameters import Parameter, is_traced, nan_unless, real
+from lumped.parameters import Parameter, is_traced, nan_unless, numbers_in_range, real
 
 R_CHARACTERISTIC = 10.0
 """Characteristic resistance of the aorta [dyn·s/cm⁵], the same for all patients of the source."""
@@ -51,23 +51,21 @@ def systemic_windkessel(
         ValueError: the pressures are swapped, or output or volume is not positive.
     """
     P_systolic, P_diastolic = real(P_systolic), real(P_diastolic)
-    _refuse_unless_positive(
-        **{"P_systolic [dyn/cm²]": P_systolic, "P_diastolic [dyn/cm²]": P_diastolic}
-    )
+    flow, volume = real(cardiac_output), real(stroke_volume)
+    above = {
+        "P_systolic [dyn/cm²]": P_systolic,
+        "P_diastolic [dyn/cm²]": P_diastolic,
+        "cardiac_output [cm³/s]": flow,
+        "stroke_volume [cm³]": volume,
+    }
+    least = {"R_characteristic [dyn·s/cm⁵]": R_characteristic}
+    usable = numbers_in_range(above=above, least=least) & (P_systolic > P_diastolic)
     if not is_traced(P_systolic, P_diastolic) and np.any(P_systolic <= P_diastolic):
         raise ValueError(
             f"P_systolic = {P_systolic} does not lie above P_diastolic = {P_diastolic} [dyn/cm²]. "
             "Were the two swapped?"
         )
-    flow, volume = real(cardiac_output), real(stroke_volume)
-    finite = np.isfinite(flow) & np.isfinite(volume) if not is_traced(flow, volume) else True
-    if not is_traced(flow, volume) and not np.all(finite & (flow > 0.0) & (volume > 0.0)):
-        raise ValueError(
-            f"Cardiac output {flow} cm³/s and stroke volume {volume} cm³ must be positive. "
-            "Give both, or leave the aortic Windkessel out."
-        )
-    usable = _positive(P_diastolic, P_systolic, flow, volume) & (P_systolic > P_diastolic)
-    factor = nan_unless(usable & (real(R_characteristic) >= 0.0))
+    factor = nan_unless(usable)
     return RCR(
         R_proximal=R_characteristic * factor,
         C=volume / (P_systolic - P_diastolic) * factor,
@@ -97,34 +95,16 @@ def characteristic_impedance(
         ValueError: an argument is not finite and positive, or nu lies outside its range.
     """
     area, rho, E, nu, share = map(real, (area, rho, E, nu, thickness_per_radius))
-    positive = {
+    above = {
         "area [cm²]": area,
         "rho [g/cm³]": rho,
         "E [dyn/cm²]": E,
         "thickness_per_radius [-]": share,
     }
-    _refuse_unless_positive(**positive)
+    usable = numbers_in_range(above=above) & (nu >= 0.0) & (nu <= 0.5)
     if not is_traced(nu) and not np.all((nu >= 0.0) & (nu <= 0.5)):
         raise ValueError(f"Poisson's ratio nu = {nu} must lie from 0 to 0.5. Try 0.45.")
-    usable = _positive(*positive.values()) & (nu >= 0.0) & (nu <= 0.5)
     safe = [jnp.where(usable, value, 1.0) for value in (area, rho, E, share)]
     area, rho, E, share = safe
     speed = jnp.sqrt(E * share / (2.0 * rho * (1.0 - jnp.where(usable, nu, 0.0) ** 2)))
     return rho * speed / area * nan_unless(usable)
-
-
-def _positive(*values: Array) -> Array:
-    """Whether all are finite and positive; traceable."""
-    holds = jnp.asarray(True)
-    for value in values:
-        holds = holds & jnp.isfinite(value) & (value > 0.0)
-    return holds
-
-
-def _refuse_unless_positive(**values: Array) -> None:
-    """Refuse concrete numbers that are not finite and positive; keys are names with units."""
-    for name, value in values.items():
-        if not is_traced(value) and not np.all(np.isfinite(value) & (value > 0.0)):
-            raise ValueError(
-                f"{name} = {value} must be finite and positive. Check the sign and the unit."
-            )

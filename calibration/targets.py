@@ -11,7 +11,6 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float
 
 from lumped import (
@@ -27,7 +26,8 @@ from lumped import (
     pressure_ratio,
     solve_periodic,
 )
-from lumped.parameters import Parameter, is_traced, parameter, real
+from lumped.parameters import Parameter, is_traced, nan_unless, parameter, real
+from lumped.results import is_successful
 
 Residuals = Callable[[PeriodicSolution], Float[Array, " k"]]
 """The protocol of a target."""
@@ -72,7 +72,8 @@ class Target(eqx.Module):
 
     def __call__(self, solution: PeriodicSolution) -> Float[Array, " k"]:
         """(predicted − measured)/sd."""
-        return jnp.ravel((self.predicted(solution) - self.value) / self.sd)
+        sd = self.sd * nan_unless(jnp.asarray(self.sd) > 0.0)
+        return jnp.ravel((self.predicted(solution) - self.value) / sd)
 
 
 def mean_pressure_target(node: str, value: Parameter, sd: Parameter) -> Target:
@@ -238,5 +239,5 @@ class Experiment(eqx.Module):
 def _residuals(solution: PeriodicSolution, targets: tuple[Residuals, ...]) -> Float[Array, " k"]:
     rows = [target(solution) for target in targets]
     all_rows = jnp.concatenate(rows) if rows else jnp.zeros(0)
-    found = solution.result == optx.RESULTS.successful
+    found = is_successful(solution.result)
     return jnp.where(found, all_rows, jnp.inf)

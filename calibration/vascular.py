@@ -20,6 +20,8 @@ An outlet of a junction that has R, L and K of its own obeys the momentum equati
 Q_in = Q_out: calibrate it with `with_capacitance=False`.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -35,6 +37,7 @@ from calibration.vessel_record import (
     equation_columns,
     residuals_of_one,
 )
+from lumped.parameters import only_if
 
 _RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest count as zero (columns have unit length)."""
@@ -105,12 +108,17 @@ def calibrate_vessels(
             raised: read `result`.
 
     Returns:
-        The optimum of every vessel.
+        The optimum of every vessel; NaN where none was found, as for records that are not finite.
 
     Raises:
         ValueError: a vessel did not converge, which finite records have not been seen to do.
     """
-    vessels = record.P_in.shape[0]
+    vessels, samples = record.P_in.shape
+    if vessels == 0 or samples == 0:
+        raise ValueError(
+            f"A record of {vessels} vessels with {samples} samples determines nothing. Give at "
+            "least one vessel and as many samples as it has free parameters."
+        )
     for name, given in (("initial", initial), ("free", free)):
         if given is not None and {leaf.shape for leaf in jax.tree.leaves(given)} != {(vessels,)}:
             raise ValueError(
@@ -140,21 +148,24 @@ def _calibrate(
     theta = jnp.where(mask, theta, theta_0)
     theta = jax.vmap(_with_implicit_derivative)(theta, mask, record)
     momentum, mass = jax.vmap(residuals_of_one)(theta, record)
+    finite = jax.vmap(_is_finite)((record, theta))
+    theta = jax.vmap(only_if)(converged & finite, theta, record)
     R, C, L, K = theta.T
     fit = VesselFit(
         parameters=VesselParameters(R_viscous=R, C=C, L=L, K_stenosis=K),
         residual_norm=_norm(jnp.concatenate([momentum, mass], axis=1)),
         rank=rank,
         iterations=iterations,
-        result=jax.vmap(_result)(converged),
+        result=jax.vmap(_result)(converged, finite),
     )
-    return fit, converged
+    return fit, converged & finite
 
 
-def _result(converged: Bool[Array, ""]) -> optx.RESULTS:
-    return optx.RESULTS.where(
+def _result(converged: Bool[Array, ""], finite: Bool[Array, ""]) -> optx.RESULTS:
+    result = optx.RESULTS.where(
         converged, optx.RESULTS.successful, optx.RESULTS.nonlinear_max_steps_reached
     )
+    return optx.RESULTS.where(finite, result, optx.RESULTS.nonfinite)
 
 
 def _raise_unless_all(converged: Bool[np.ndarray, " vessels"]) -> None:
@@ -166,10 +177,14 @@ def _raise_unless_all(converged: Bool[np.ndarray, " vessels"]) -> None:
         )
 
 
+def _is_finite(tree: Any) -> Bool[Array, ""]:
+    return jnp.all(jnp.stack([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]))
+
+
 def _norm(values: Float[Array, "vessels entries"]) -> Float[Array, " vessels"]:
     """Euclidean norm of each row, with derivative 0 where the row vanishes."""
     square = jnp.sum(values**2, axis=1)
-    return jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)
+    return jnp.where(square == 0.0, 0.0, jnp.sqrt(jnp.where(square == 0.0, 1.0, square)))
 
 
 def _scales(momentum: Float[Array, "rows 4"], mass: Float[Array, "rows 4"]) -> Float[Array, "4"]:

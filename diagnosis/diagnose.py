@@ -95,9 +95,15 @@ def diagnose(
         tell: told of progress.
 
     Raises:
+        ValueError: there is no effect, or the prior scale is not positive.
         RuntimeError: a base model could not be fitted.
     """
     effects = tuple(effects)
+    if not effects or not (np.isfinite(prior_scale) and prior_scale > 0.0):
+        raise ValueError(
+            f"{len(effects)} effects with a prior scale of {prior_scale}: give at least one effect "
+            "and a positive scale."
+        )
     numbers = numbers_of(effects, prior_scale)
     B, E = batch.period.shape[0], len(effects)
     base = run_fits(

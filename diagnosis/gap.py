@@ -12,7 +12,7 @@ import numpy as np
 from jax.scipy.special import erfc
 from jaxtyping import Array, Float
 
-from lumped.parameters import Parameter, is_traced, real
+from lumped.parameters import Parameter, is_traced, nan_unless, numbers_in_range, real
 
 RATIO_SD = 0.02
 """Standard deviation of a predicted less a measured ratio from measurement alone [-].
@@ -48,12 +48,14 @@ def ratio_gap(predicted: Parameter, measured: Parameter, sd: Parameter = RATIO_S
         sd: standard deviation of their difference from measurement [-], above zero.
 
     Raises:
-        ValueError: sd is not positive (not checked while tracing).
+        ValueError: sd is not positive or a ratio not finite; traced ones give NaN.
     """
-    if not is_traced(sd) and not np.all(np.asarray(sd) > 0.0):
+    if not is_traced(sd) and not np.all(np.isfinite(sd) & (np.asarray(sd) > 0.0)):
         raise ValueError(
             f"The standard deviation sd = {sd} must be positive. Leave it out for {RATIO_SD}."
         )
+    finite = {"The predicted ratio": predicted, "The measured ratio": measured}
+    usable = numbers_in_range(above={"sd": sd}, finite=finite)
     difference = real(predicted) - real(measured)
-    z = difference / real(sd)
+    z = difference / real(sd) * nan_unless(usable)
     return RatioGap(difference, z, erfc(jnp.abs(z) / jnp.sqrt(2.0)))

@@ -28,6 +28,7 @@ from diagnosis.measured import (
     noise_power,
 )
 from diagnosis.prediction import P_SD_MMHG, R0_PRIOR, R0_SD_LOG
+from diagnosis.record_checks import check_record
 from diagnosis.richness import RICHNESS
 from diagnosis.scatter import FEWEST_BEATS, FORM_SD_MMHG, FORMS, folded_noise
 
@@ -173,11 +174,12 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         richness: use no more than this of it, one of `RICHNESS`; by default everything.
 
     Raises:
-        ValueError: no such richness, or nothing of it was measured.
+        ValueError: no such richness, nothing of it was measured, or a number that cannot be.
     """
     level = RICHNESS[-1] if richness is None else richness
     if level not in RICHNESS:
         raise ValueError(f"richness = '{level}' is not known. Use one of {', '.join(RICHNESS)}.")
+    check_record(record)
     noise = noise_of(record)
     flow_sd = FLOW_RELATIVE_SD if record.flow_relative_sd is None else record.flow_relative_sd
     ffr_sd = FFR_SD if record.ffr_sd is None else record.ffr_sd

@@ -7,9 +7,10 @@ the ratio of means over the wave-free period of diastole.
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from lumped.parameters import Parameter
+from lumped.parameters import Parameter, is_traced, nan_unless, real
 from lumped.periodic_solution import PeriodicSolution
 from lumped.units import ML_PER_MIN
 from lumped.waveforms import VALVE_CLOSURE
@@ -18,8 +19,11 @@ from lumped.waveforms import VALVE_CLOSURE
 def pressure_ratio(
     solution: PeriodicSolution, *, proximal: str = "aorta", distal: str = "distal"
 ) -> Float[Array, ""]:
-    """Mean distal over mean proximal pressure: FFR under stress, resting Pd/Pa at rest."""
-    return solution.mean_pressure(distal) / solution.mean_pressure(proximal)
+    """Mean distal over mean proximal pressure: FFR under stress, resting Pd/Pa at rest.
+
+    NaN where the mean proximal pressure is not positive.
+    """
+    return _quotient(solution.mean_pressure(distal), solution.mean_pressure(proximal))
 
 
 def ifr(
@@ -39,32 +43,67 @@ def ifr(
         proximal: node of the aortic pressure.
         distal: node of the distal pressure.
         t_valve: closure of the valve [s]; by default 0.35 of the cycle, as in the aortic waveform.
+
+    Returns:
+        The ratio; NaN where the window is empty or the mean proximal pressure not positive.
+
+    Raises:
+        ValueError: the closure does not lie within the cycle (not checked while tracing).
     """
-    t_close = VALVE_CLOSURE * solution.period if t_valve is None else t_valve
+    t_close = _valve_closure(solution, t_valve)
     start = t_close + 0.25 * (solution.period - t_close)
     window = (start, solution.period - 5e-3)
-    return mean_between(solution, solution.pressure(distal), *window) / mean_between(
-        solution, solution.pressure(proximal), *window
+    return _quotient(
+        mean_between(solution, solution.pressure(distal), *window),
+        mean_between(solution, solution.pressure(proximal), *window),
     )
 
 
 def systolic_share(
     solution: PeriodicSolution, name: str = "ostium", *, t_valve: Parameter | None = None
 ) -> Float[Array, ""]:
-    """Share of a cycle's net flow into an element that passes before the aortic valve closes."""
-    t_close = VALVE_CLOSURE * solution.period if t_valve is None else t_valve
+    """Share of a cycle's net flow into an element that passes before the aortic valve closes.
+
+    NaN where there is no net flow into it.
+    """
+    t_close = _valve_closure(solution, t_valve)
     volume = mean_between(solution, solution.flow(name), 0.0, t_close) * t_close
-    return volume / (solution.mean_flow(name) * solution.period)
+    return _quotient(volume, solution.mean_flow(name) * solution.period)
+
+
+def _valve_closure(solution: PeriodicSolution, t_valve: Parameter | None) -> Array:
+    """Closure of the aortic valve [s]; NaN where it does not lie within the cycle."""
+    period = real(solution.period)
+    if t_valve is None:
+        return VALVE_CLOSURE * period
+    t_close = real(t_valve)
+    inside = (t_close > 0.0) & (t_close < period)
+    if not is_traced(inside) and not np.all(inside):
+        raise ValueError(
+            f"The aortic valve cannot close at {t_valve} s in a cycle of {solution.period} s. "
+            "Give a time within the cycle."
+        )
+    return t_close * nan_unless(inside)
+
+
+def _quotient(above: Array, below: Array) -> Array:
+    """The quotient by a positive number; NaN by another."""
+    return above / jnp.where(below > 0.0, below, jnp.nan)
 
 
 def mean_between(
     solution: PeriodicSolution, values: Float[Array, " k"], start: Parameter, end: Parameter
 ) -> Float[Array, ""]:
-    """Mean of a waveform between two times of the cycle, exact for piecewise linear waveforms."""
+    """Mean of a waveform between two times of the cycle, exact for piecewise linear waveforms.
+
+    NaN where the times do not ascend or lie outside the cycle.
+    """
+    inside = (real(start) >= 0.0) & (real(start) < real(end)) & (real(end) <= solution.period)
     t = jnp.append(solution.t, solution.period)
     v = jnp.append(values, values[0])
     volume = jnp.append(0.0, jnp.cumsum(0.5 * jnp.diff(t) * (v[1:] + v[:-1])))
-    return (_integral(t, v, volume, end) - _integral(t, v, volume, start)) / (end - start)
+    length = (end - start) * nan_unless(inside)
+    return (_integral(t, v, volume, end) - _integral(t, v, volume, start)) / length
 
 
 def _integral(t: Array, v: Array, volume: Array, at: Parameter) -> Array:

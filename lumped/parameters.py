@@ -1,6 +1,6 @@
 """How blocks and waveforms hold their physical numbers: as array leaves, checked when concrete."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -68,17 +68,9 @@ def check_range(owner: Any) -> None:
         ValueError: a concrete parameter lies outside its range.
     """
     ranges: Range = owner.ranges
-    for kind, (demand, holds) in _DEMANDS.items():
+    for kind in _DEMANDS:
         for name in getattr(ranges, kind):
-            value = getattr(owner, name)
-            if value is None or is_traced(value):
-                continue
-            numbers = np.asarray(value)
-            if not np.all(np.isfinite(numbers) & holds(numbers)):
-                raise ValueError(
-                    f"{type(owner).__name__}.{name} = {value} must be {demand}. "
-                    "Check the sign and the unit (CGS inside: dyn/cm², cm³/s, dyn·s/cm⁵, cm⁵/dyn)."
-                )
+            _refuse(f"{type(owner).__name__}.{name}", getattr(owner, name), kind)
     if ranges.ascending:
         below, above = (getattr(owner, name) for name in ranges.ascending)
         if not is_traced(below, above) and np.any(np.asarray(above) <= np.asarray(below)):
@@ -88,16 +80,57 @@ def check_range(owner: Any) -> None:
             )
 
 
+def numbers_in_range(
+    *,
+    above: Mapping[str, Any] | None = None,
+    least: Mapping[str, Any] | None = None,
+    finite: Mapping[str, Any] | None = None,
+) -> Bool[Array, "..."]:
+    """Whether the arguments of a function lie in their ranges, one by one; as in `Range`.
+
+    Args:
+        above: numbers by name, with their unit; finite and positive.
+        least: likewise; finite and zero or positive.
+        finite: likewise; finite.
+
+    Raises:
+        ValueError: a concrete number lies outside its range.
+    """
+    holds = jnp.asarray(True)
+    for kind, numbers in (("above", above), ("least", least), ("finite", finite)):
+        for name, value in (numbers or {}).items():
+            _refuse(name, value, kind)
+            holds = holds & _lies(value, kind)
+    return holds
+
+
+def _refuse(name: str, value: Any, kind: str) -> None:
+    """Refuse a concrete number outside its range."""
+    demand, holds = _DEMANDS[kind]
+    if value is None or is_traced(value):
+        return
+    numbers = np.asarray(value)
+    if not np.all(np.isfinite(numbers) & holds(numbers)):
+        raise ValueError(
+            f"{name} = {value} must be {demand}. "
+            "Check the sign and the unit (CGS inside: dyn/cm², cm³/s, dyn·s/cm⁵, cm⁵/dyn)."
+        )
+
+
+def _lies(value: Any, kind: str) -> Bool[Array, "..."]:
+    return jnp.isfinite(value) & _DEMANDS[kind][1](real(value))
+
+
 def in_range(tree: Any) -> Bool[Array, ""]:
     """Whether all parameters of all modules in a tree lie in their `ranges`; for use under jit."""
     holds = jnp.asarray(True)
     for module in _modules(tree):
         ranges: Range = getattr(module, "ranges", Range())
-        for kind, (_, demand) in _DEMANDS.items():
+        for kind in _DEMANDS:
             for name in getattr(ranges, kind):
                 value = getattr(module, name)
                 if value is not None:
-                    holds = holds & jnp.all(jnp.isfinite(value) & demand(real(value)))
+                    holds = holds & jnp.all(_lies(value, kind))
         if ranges.ascending:
             below, above = (getattr(module, name) for name in ranges.ascending)
             holds = holds & jnp.all(real(below) < real(above))

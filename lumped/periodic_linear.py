@@ -10,15 +10,16 @@ from jaxtyping import Array, Float
 from lumped.harmonics import from_harmonics, to_harmonics
 from lumped.march import aligned_times, march
 from lumped.network import Network, jacobian
-from lumped.parameters import Parameter
+from lumped.parameters import Parameter, nan_unless
 from lumped.periodic_solution import (
     AbstractPeriodicSolver,
     PeriodicSolution,
+    checked_result,
     finite_or_singular,
     largest_difference,
     mean_start,
-    sound,
 )
+from lumped.results import RESULTS, is_successful
 from lumped.smallsolve import modulus_bound, solve_small
 from lumped.statespace import StateSpace, state_space
 
@@ -69,7 +70,10 @@ class Fourier(AbstractPeriodicSolver):
             v = system.sources(t)
             x_hat = _reduced_harmonics(system, omega, to_harmonics(v))
             x_hat = [x.at[0].set(first[i]) for i, x in enumerate(x_hat)]
+            result, factor = _checked(network, period, mean, *x_hat)
+            x_hat = [x * factor.astype(complex) for x in x_hat]
             x = [from_harmonics(row, self.n_samples) for row in x_hat]
+            v = v if x else v * factor  # without states it alone decides the rows
             z = jnp.stack([*x, *_algebraic_rows(system, x, v)], axis=1)
             monodromy = expm(system.A * period, max_squarings=SQUARINGS)
         else:
@@ -79,21 +83,21 @@ class Fourier(AbstractPeriodicSolver):
             h = jax.vmap(lambda s: network.residual(s, zero))(t)
             z_hat = _full_harmonics(network, omega, to_harmonics(h))
             z_hat = z_hat.at[0].set(first)
+            result, factor = _checked(network, period, z_hat)
+            z_hat = z_hat * factor.astype(complex)
             z = jax.vmap(from_harmonics, (1, None), 1)(z_hat, self.n_samples)
             x_hat = [z_hat[:, i] for i in range(network.n_states)]
             monodromy = _monodromy_by_march(network, period)
-        return sound(
-            PeriodicSolution(
-                t=t,
-                z=z,
-                mean=mean,
-                period=period,
-                monodromy=monodromy,
-                error_estimate=_spectral_tail(x_hat, self.n_samples),
-                iterations=jnp.asarray(1),
-                result=finite_or_singular(z),
-                network=network,
-            )
+        return PeriodicSolution(
+            t=t,
+            z=z,
+            mean=mean * factor,
+            period=period,
+            monodromy=monodromy * factor,
+            error_estimate=_spectral_tail(x_hat, self.n_samples) * factor,
+            iterations=jnp.asarray(1),
+            result=result,
+            network=network,
         )
 
 
@@ -202,19 +206,28 @@ class Propagator(AbstractPeriodicSolver):
         v = system.sources(ts[:-1])
         columns = [x[:-1, i] for i in range(x.shape[1])]
         z = jnp.stack([*columns, *_algebraic_rows(system, columns, v)], axis=1)
-        return sound(
-            PeriodicSolution(
-                t=ts[:-1],
-                z=z,
-                mean=mean_start(network, period),
-                period=period,
-                monodromy=monodromy,
-                error_estimate=largest_difference(coarse, x[::2], x),
-                iterations=jnp.asarray(1),
-                result=finite_or_singular(z),
-                network=network,
-            )
+        mean = mean_start(network, period)
+        result, factor = _checked(network, period, mean, x)
+        return PeriodicSolution(
+            t=ts[:-1],
+            z=z * factor,
+            mean=mean * factor,
+            period=period,
+            monodromy=monodromy * factor,
+            error_estimate=largest_difference(coarse, x[::2], x) * factor,
+            iterations=jnp.asarray(1),
+            result=result,
+            network=network,
         )
+
+
+def _checked(network: Network, period: Parameter, *parts: Array) -> tuple[RESULTS, Array]:
+    """The result of a direct solution, and a factor for it: NaN where it is none.
+
+    The factor is put where few numbers decide the others, so that rows nobody reads stay unread.
+    """
+    result = checked_result(network, period, finite_or_singular(*parts))
+    return result, nan_unless(is_successful(result))
 
 
 _NODES = 8

@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from lumped.march import newton
 from lumped.network import Network, jacobian
@@ -20,6 +20,9 @@ MEAN_NODES = 72
 
 TRACE_NODES = 8
 """The same for waveforms of many stretches (samples), which are cubic in each."""
+
+REST_TOLERANCE = 1e-8
+"""Last correction of a nonlinear steady state, relative to the largest unknown."""
 
 
 class PeriodicSolution(eqx.Module):
@@ -82,7 +85,13 @@ class PeriodicSolution(eqx.Module):
         return float(np.max(np.abs(np.linalg.eigvals(np.asarray(self.monodromy)))))
 
     def cycles_to(self, tolerance: float) -> float:
-        """Cycles after which a disturbance has shrunk to `tolerance` of its size."""
+        """Cycles after which a disturbance has shrunk to `tolerance` of its size.
+
+        Raises:
+            ValueError: the tolerance does not lie between 0 and 1.
+        """
+        if not 0.0 < tolerance < 1.0:
+            raise ValueError(f"tolerance = {tolerance} must lie between 0 and 1. Try 1e-6.")
         multiplier = self.floquet_multiplier
         if multiplier <= 0.0:
             return 1.0
@@ -112,9 +121,13 @@ def largest_difference(
     return jax.lax.stop_gradient(jnp.max(jnp.abs(coarse - fine) / size[None, :]))
 
 
-def finite_or_singular(z: Float[Array, "k m"]) -> RESULTS:
-    """The result of a direct solution: successful where it is finite, singular where not."""
-    finite = jnp.all(jnp.isfinite(z))
+def finite_or_singular(*parts: Array) -> RESULTS:
+    """The result of a direct solution: successful where it is finite, singular where not.
+
+    Args:
+        parts: what decides the solution; all of it would have to be computed to look at it.
+    """
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(part)) for part in parts]))
     return RESULTS.where(finite, cast(Any, RESULTS.successful), cast(Any, RESULTS.singular))
 
 
@@ -123,16 +136,21 @@ def sound(solution: PeriodicSolution) -> PeriodicSolution:
 
     Parameters outside their ranges, which only traced ones can be, have periodic states too.
     """
-    period = real(solution.period)
-    usable = in_range(solution.network) & jnp.all(jnp.isfinite(period) & (period > 0.0))
-    result = RESULTS.where(usable, solution.result, cast(Any, RESULTS.outside_range))
+    result = checked_result(solution.network, solution.period, solution.result)
     numbers = (solution.z, solution.mean, solution.monodromy, solution.error_estimate)
-    numbers = only_if(is_successful(result), numbers, (solution.network, period))
+    numbers = only_if(is_successful(result), numbers, (solution.network, solution.period))
     return eqx.tree_at(
         lambda s: (s.z, s.mean, s.monodromy, s.error_estimate, s.result),
         solution,
-        (*numbers, as_result(result)),
+        (*numbers, result),
     )
+
+
+def checked_result(network: Network, period: Parameter, result: RESULTS) -> RESULTS:
+    """A result, or that a parameter of the network or the period lies outside its range."""
+    T = real(period)
+    usable = in_range(network) & jnp.all(jnp.isfinite(T) & (T > 0.0))
+    return as_result(RESULTS.where(usable, result, cast(Any, RESULTS.outside_range)))
 
 
 def waveform_mean(waveform: AbstractWaveform, period: Parameter) -> Array:
@@ -161,17 +179,26 @@ def averaged(network: Network, period: Parameter) -> Network:
 def steady_state(network: Network) -> Float[Array, " m"]:
     """Unknowns of a network at rest under constant sources, residual(z) = 0.
 
-    One linear solve for linear networks; Newton's method, without derivatives, for others.
+    One linear solve for linear networks; Newton's method, without derivatives, for others. NaN
+    where there is no such state, or a traced parameter lies outside its range.
     """
+    z, found = rest_state(network)
+    return z * nan_unless(found & in_range(network))
+
+
+def rest_state(network: Network) -> tuple[Float[Array, " m"], Bool[Array, ""]]:
+    """The same whatever the parameters, where solvers start; and whether there is such a state."""
     zero = jnp.zeros(network.n_unknowns)
     if network.is_linear:
-        return jnp.linalg.solve(jacobian(network, 0.0, zero), -network.residual(0.0, zero))
+        z = jnp.linalg.solve(jacobian(network, 0.0, zero), -network.residual(0.0, zero))
+        return z, jnp.all(jnp.isfinite(z))
 
     def correction(z: Array) -> Array:
         return jnp.linalg.solve(jacobian(network, 0.0, z), network.residual(0.0, z))
 
-    z, _ = newton(correction, zero + 1.0)  # at rest a quadratic loss has no slope
-    return jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))
+    z, size = newton(correction, zero + 1.0)  # at rest a quadratic loss has no slope
+    start = jax.lax.stop_gradient(jnp.nan_to_num(z, nan=1.0, posinf=1.0, neginf=1.0))
+    return start, size < REST_TOLERANCE
 
 
 @jax.jit
@@ -179,14 +206,13 @@ def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
     """Solution of the direct-current network: the exact cycle mean of a linear network.
 
     For a nonlinear network it is the steady state under the mean of the sources, which is not the
-    mean of its periodic state but a good place to start from. NaN where a traced parameter lies
-    outside its range.
+    mean of its periodic state but a good place to start from. NaN as from `steady_state`.
     """
     usable = in_range(network) & jnp.isfinite(period) & (period > 0.0)
-    return mean_start(network, period) * nan_unless(usable)
+    return steady_state(averaged(network, period)) * nan_unless(usable)
 
 
 @jax.jit
 def mean_start(network: Network, period: Parameter) -> Float[Array, " m"]:
     """The same whatever the parameters: where solvers start."""
-    return steady_state(averaged(network, period))
+    return rest_state(averaged(network, period))[0]

@@ -5,6 +5,7 @@ says that all resistances halve ("all"). Printed lowers the nominal coronary tot
 by 50 %: studies report both.
 """
 
+import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -44,9 +45,9 @@ class StressRule(eqx.Module):
         return scaled(
             block,
             **{
-                name: getattr(self, name)
-                for name in self.__dataclass_fields__
-                if hasattr(block, name)
+                field.name: getattr(self, field.name)
+                for field in dataclasses.fields(self)
+                if hasattr(block, field.name)
             },
         )
 
@@ -71,10 +72,16 @@ def stress_rule(name: str) -> StressRule:
 
 
 def scaled(block: Any, **factors: Parameter) -> Any:
-    """A copy of a block with the named parameters multiplied by factors."""
+    """A copy of a block with the named parameters multiplied by factors.
+
+    Raises:
+        ValueError: a concrete parameter leaves its range, as by a factor that is not positive.
+    """
     names = tuple(factors)
     values = tuple(getattr(block, name) * factors[name] for name in names)
-    return eqx.tree_at(lambda b: tuple(getattr(b, name) for name in names), block, values)
+    found = eqx.tree_at(lambda b: tuple(getattr(b, name) for name in names), block, values)
+    check_range(found)
+    return found
 
 
 def scale_resistances(block: Any, alpha: Parameter) -> Any:

@@ -17,10 +17,20 @@ Source: Puelz et al. 2024, section 2.4 and figure 4.
 from typing import ClassVar
 
 import equinox as eqx
+from jaxtyping import Array, Float
 
 from lumped.blocks import Coronary
 from lumped.network import Network, connect
-from lumped.parameters import Parameter, Range, check_range, optional_parameter, parameter, real
+from lumped.parameters import (
+    Parameter,
+    Range,
+    check_range,
+    nan_unless,
+    numbers_in_range,
+    optional_parameter,
+    parameter,
+    real,
+)
 from lumped.sources import PressureSource
 from lumped.stress import StressRule, scale_resistances
 from lumped.units import MMHG
@@ -140,7 +150,7 @@ def nominal_coronary(
 
 def ffr_divider(
     R0: Parameter, R_total: Parameter, mean_P_aorta: Parameter = 1.0, P_venous: Parameter = 0.0
-) -> Parameter:
+) -> Float[Array, "..."]:
     """FFR of the linear surrogate in closed form; R_total includes α and the stress rule.
 
     Args:
@@ -148,6 +158,17 @@ def ffr_divider(
         R_total: total resistance of the coronary bed [dyn·s/cm⁵].
         mean_P_aorta: mean aortic pressure [dyn/cm²]; matters only with a venous pressure.
         P_venous: venous pressure [dyn/cm²].
+
+    Returns:
+        The ratio; NaN where a traced argument lies outside its range.
+
+    Raises:
+        ValueError: R0 is negative, R_total or the aortic pressure not positive.
     """
+    usable = numbers_in_range(
+        above={"R_total [dyn·s/cm⁵]": R_total, "mean_P_aorta [dyn/cm²]": mean_P_aorta},
+        least={"R0 [dyn·s/cm⁵]": R0},
+        finite={"P_venous [dyn/cm²]": P_venous},
+    )
     share = R_total / (R0 + R_total)
-    return (P_venous + (mean_P_aorta - P_venous) * share) / mean_P_aorta
+    return (P_venous + (mean_P_aorta - P_venous) * share) / mean_P_aorta * nan_unless(usable)

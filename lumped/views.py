@@ -20,7 +20,7 @@ from jaxtyping import Array, Complex, Float
 from lumped.elements import AbstractElement
 from lumped.march import step
 from lumped.network import Network, connect, jacobian
-from lumped.parameters import Parameter
+from lumped.parameters import Parameter, in_range, nan_unless
 from lumped.sources import FlowSource
 from lumped.statespace import field
 from lumped.waveforms import AbstractWaveform, Constant, Ramp
@@ -121,6 +121,8 @@ def implicit_step(
 def transfer_impedance(block: AbstractElement, omega: Float[Array, " k"]) -> Complex[Array, " k"]:
     """Z(iω) = P̂/Q̂ of a linear block at angular frequencies ω [rad/s], in dyn·s/cm⁵.
 
+    NaN where a traced parameter of the block lies outside its range.
+
     Raises:
         ValueError: the block is nonlinear.
     """
@@ -135,7 +137,7 @@ def transfer_impedance(block: AbstractElement, omega: Float[Array, " k"]) -> Com
         jnp.broadcast_to(-H, (omega.shape[0], m, m)), omega[:, None, None] * M[None]
     )
     z = jnp.linalg.solve(pencil, jnp.broadcast_to(unit, (omega.shape[0], m))[..., None])[..., 0]
-    return z[:, network.pressure_index("port")]
+    return z[:, network.pressure_index("port")] * nan_unless(in_range(block))
 
 
 def direct_current(
@@ -144,7 +146,7 @@ def direct_current(
     """The block at steady state, sources frozen at time t: P = R Q + P₀.
 
     Returns:
-        R [dyn·s/cm⁵] and P₀ [dyn/cm²].
+        R [dyn·s/cm⁵] and P₀ [dyn/cm²]; NaN where a traced parameter lies outside its range.
 
     Raises:
         ValueError: the block is nonlinear.
@@ -158,7 +160,8 @@ def direct_current(
         return z[network.pressure_index("port")]
 
     P_0, R = jax.jvp(pressure, (jnp.zeros(()),), (jnp.ones(()),))
-    return R, P_0
+    factor = nan_unless(in_range(block))
+    return R * factor, P_0 * factor
 
 
 def _require_linear(block: AbstractElement, view: str) -> None:

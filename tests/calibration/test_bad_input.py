@@ -14,21 +14,29 @@ import optimistix as optx
 import pytest
 
 from calibration import (
+    PressureFlowLaw,
     RampRecord,
     alpha_closed_form,
     bisect_alpha,
     calibrate_alpha,
     calibrate_many,
     characteristic_impedance,
+    contraction_coefficient,
     fit_ramp,
+    lumen_law,
+    map_cases,
     mean_aortic_pressure,
+    mean_pressure_target,
     measured_slope,
     ratio_after_cycles,
     simulate_many,
     systemic_windkessel,
 )
+from diagnosis import ratio_gap
+from jaxfsi import Lumen
 from lumped import (
     MMHG,
+    RC,
     RESULTS,
     Fourier,
     Surrogate,
@@ -37,9 +45,11 @@ from lumped import (
     mean_state,
     metrics,
     nominal_coronary,
+    scale_resistances,
     solve_periodic,
 )
 from lumped.parameters import real
+from lumped.views import direct_current, transfer_impedance
 
 NAN, INF = float("nan"), float("inf")
 REST = condition_from_clinic(120.0, 80.0, 0.8)
@@ -63,6 +73,12 @@ def _found(fit):
     return fit.alpha, fit.ratio
 
 
+def _circle(radius):
+    angle = jnp.linspace(0.0, 2.0 * jnp.pi, 12, endpoint=False)
+    ring = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=1)
+    return Lumen(radius * jnp.broadcast_to(ring, (3, 12, 2)), jnp.array([0.0, 0.5, 1.0]))
+
+
 def _ramp(flow, offset=0.0):
     rise, growth = jnp.asarray(4e4 * RAMP.t), jnp.asarray(RAMP.t**0.7)
     columns = (rise + offset, jnp.zeros(40), flow * growth)
@@ -71,6 +87,10 @@ def _ramp(flow, offset=0.0):
 
 def _divider(surrogate, condition):
     return jnp.asarray(ffr_divider(surrogate.R0, surrogate.alpha * surrogate.coronary.R_total))
+
+
+def _views(block):
+    return jnp.abs(transfer_impedance(block, jnp.array([6.0]))), direct_current(0.0, block)[0]
 
 
 ALPHA = {"R0": 1000.0, "target": 0.9, "P_systolic": 120.0, "P_venous": 0.0, "period": 0.8}
@@ -138,13 +158,62 @@ CASES = {
         {"s": 120.0, "T": 0.8},
         [{"s": 70.0}, {"s": NAN}, {"T": 0.0}, {"T": -0.8}, {"T": INF}],
     ),
+    "ffr_divider": Case(
+        lambda R0, R, P, v: ffr_divider(R0, R, P, v),
+        {"R0": 1.0, "R": 9.0, "P": 1e5, "v": 0.0},
+        [
+            *({"R0": value} for value in (-1.0, NAN, INF)),
+            *({name: value} for name in "RP" for value in (0.0, -9.0, NAN, INF)),
+            {"v": NAN},
+        ],
+    ),
+    "contraction_coefficient": Case(
+        lambda angle: contraction_coefficient(angle),
+        {"angle": 0.5},
+        [{"angle": value} for value in (-0.1, 30.0, NAN, INF)],
+    ),
+    "PressureFlowLaw": Case(
+        lambda a, b: (lambda law: (law.tangent(4e4), law.secant(4e4), law.flow(4e4)))(
+            PressureFlowLaw(a, b)
+        ),
+        {"a": 500.0, "b": 450.0},
+        [{"a": -500.0}, {"a": 0.0, "b": 0.0}, {"a": NAN}, {"b": NAN}],
+    ),
+    "lumen_law": Case(
+        lambda radius, mu, rho, Q, up: (lambda law: (law.a, law.b))(
+            lumen_law(_circle(radius), mu=mu, rho=rho, Q_reference=Q, area_upstream=up)
+        ),
+        {"radius": 0.1, "mu": 0.04, "rho": 1.06, "Q": 1.5, "up": 5.0},
+        [
+            *({name: value} for name in ("mu", "rho", "Q", "radius") for value in (0.0, NAN, INF)),
+            *({name: -1.0} for name in ("mu", "rho", "Q", "up")),
+            {"up": 0.0},
+            {"up": NAN},
+        ],
+    ),
+    "ratio_gap": Case(
+        lambda p, m, sd: tuple(ratio_gap(p, m, sd))[1:],
+        {"p": 0.85, "m": 0.8, "sd": 0.02},
+        [
+            *({"sd": value} for value in (0.0, -0.02, NAN, INF)),
+            *({name: value} for name in "pm" for value in (NAN, INF)),
+        ],
+    ),
+    "views of a block": Case(
+        lambda R, C: _views(RC(R=R, C=C)),
+        {"R": 1e3, "C": 1e-5},
+        [{name: value} for name in "RC" for value in (-1.0, 0.0, NAN, INF)],
+    ),
 }
 
 
 SLOW = ("bisect_alpha", "ratio_after_cycles", "mean_state", "mean_aortic_pressure")
 """Cases that take seconds to compile."""
 NAMES = [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in CASES]
-EAGER = [pytest.param(n, marks=pytest.mark.slow) if n in (*SLOW, "fit_ramp") else n for n in CASES]
+EAGER = [
+    pytest.param(n, marks=pytest.mark.slow) if n in (*SLOW, "fit_ramp", "lumen_law") else n
+    for n in CASES
+]
 
 
 def _rows(case: Case) -> dict[str, np.ndarray]:
@@ -262,10 +331,36 @@ def test_slope_of_a_ramp_is_none_where_it_has_none():
     assert measured_slope(_ramp(5.0, NAN), 2e4) is None
 
 
-def test_bracket_that_is_none_is_refused():
-    for end in (0.0, -1.0, NAN, INF):
+def test_factors_that_are_not_positive_are_refused():
+    for factor in (0.0, -1.0, NAN, INF):
+        with pytest.raises(ValueError, match="finite and positive"):
+            scale_resistances(nominal_coronary(), factor)
         with pytest.raises(ValueError, match="bracket"):
-            bisect_alpha(PATIENT, REST, 0.9, bracket=(end, 1e4), ratio=_divider)
+            bisect_alpha(PATIENT, REST, 0.9, bracket=(factor, 1e4), ratio=_divider)
+
+
+def test_cycles_and_tolerances_that_are_none_are_refused(solution):
+    for counts in ({"cycles": 0}, {"n_steps": 0}, {"n_steps": -3}):
+        with pytest.raises(ValueError, match="at least 1"):
+            ratio_after_cycles(PATIENT, REST, **counts)
+    for tolerance in (0.0, 1.0, -1.0, NAN):
+        with pytest.raises(ValueError, match="between 0 and 1"):
+            solution.cycles_to(tolerance)
+
+
+@pytest.mark.slow
+def test_nonlinear_network_without_a_steady_state_gives_none():
+    network = Surrogate(R0=1e3, K=1.0).network(REST)
+    assert np.all(np.isfinite(mean_state(network, 0.8)))
+    # P = R Q + K Q² has no root where K is below −R²/(4 P)
+    lossy = eqx.tree_at(lambda n: n["ostium"].K_stenosis, network, real(-1e6))
+    assert np.all(np.isnan(mean_state(lossy, 0.8)))
+
+
+def test_cases_need_one_common_length():
+    for cases in ((jnp.zeros(2), jnp.zeros(3)), (jnp.zeros(()),), (jnp.zeros(0),)):
+        with pytest.raises(ValueError, match=r"one common length|at least one"):
+            map_cases(lambda case: case[0], cases, batch_size=2)
 
 
 NETWORK = PATIENT.network(REST)
@@ -298,3 +393,11 @@ def test_network_outside_its_ranges_has_no_periodic_state(where, value, solution
     assert all(np.isnan(number) for number in metrics(found))
     with pytest.raises(RuntimeError, match=r"outside its range.*Is some node"):
         solve_periodic(bad, 0.8, Fourier(16))
+
+
+@pytest.mark.slow
+def test_spread_below_zero_leaves_no_residual(solution):
+    target = mean_pressure_target("aorta", 1e5, 1e3)
+    for sd in (1e3, -1e3, 0.0, NAN):
+        residual = eqx.tree_at(lambda t: t.sd, target, real(sd))(solution)
+        assert np.all(np.isfinite(residual)) == (sd == 1e3)

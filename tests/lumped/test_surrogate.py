@@ -1,4 +1,7 @@
+import math
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -230,6 +233,20 @@ def test_mean_between_is_exact_for_a_polygon(by_hand):
     assert float(mean_between(by_hand, values, 0.93, 0.99)) == pytest.approx(
         80.0 + (10.0 / 0.3) * 0.04, rel=1e-12
     )
+
+
+def test_metrics_that_mean_nothing_are_nan(by_hand):
+    backwards = eqx.tree_at(lambda s: (s.z, s.mean), by_hand, (-by_hand.z, -by_hand.mean))
+    found = metrics(backwards)
+    assert all(np.isnan(x) for x in (found.ratio, found.ifr, found.systolic_share))
+    values = by_hand.pressure("distal")
+    for window in ((0.2, 0.2), (0.3, 0.1), (-0.1, 0.5), (0.5, 1.1), (0.5, math.nan)):
+        assert np.isnan(mean_between(by_hand, values, *window))
+    for t_valve in (0.0, -0.1, 1.0, math.nan):
+        for reading in (ifr, systolic_share):
+            with pytest.raises(ValueError, match="within the cycle"):
+                reading(by_hand, t_valve=t_valve)
+            assert np.isnan(jax.jit(lambda t, read=reading: read(by_hand, t_valve=t))(t_valve))
 
 
 def test_ifr_and_share_of_the_surrogate_converge(rest, solved):

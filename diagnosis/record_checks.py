@@ -1,0 +1,62 @@
+"""Which numbers of a record cannot be: refused before a diagnosis makes something of them."""
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from diagnosis.record import Record, RecordedCondition
+
+
+def check_record(record: "Record") -> None:
+    """Refuse a record with numbers that are not finite or have the wrong sign.
+
+    Raises:
+        ValueError: all faults at once.
+    """
+    faults = [f"record: {text}" for text in _record_faults(record)]
+    for condition in record.conditions:
+        faults += [f"condition '{condition.name}': {text}" for text in _condition_faults(condition)]
+    if faults:
+        raise ValueError(
+            f"Record '{record.id}' cannot be diagnosed: {'; '.join(faults)}. Correct these, or "
+            "leave out what was not measured."
+        )
+
+
+def _record_faults(record: "Record") -> Iterator[str]:
+    if not record.conditions:
+        yield "there is no condition"
+    for name in ("pressure_sd", "flow_relative_sd", "ffr_sd", "R0", "R0_sd_log"):
+        yield from _not_positive(name, getattr(record, name))
+    for name in ("pressure_offset_sd", "K", "L"):
+        yield from _not_positive(name, getattr(record, name), zero=True)
+
+
+def _condition_faults(condition: "RecordedCondition") -> Iterator[str]:
+    for name in ("period", "P_systolic", "P_diastolic", "mean_P_aorta", "mean_P_distal", "ffr"):
+        yield from _not_positive(name, getattr(condition, name))
+    if condition.P_systolic < condition.P_diastolic:  # equal: steady flow
+        yield (
+            f"P_systolic = {condition.P_systolic} lies below P_diastolic = {condition.P_diastolic}"
+        )
+    if condition.mean_Q is not None and not math.isfinite(condition.mean_Q):
+        yield f"mean_Q = {condition.mean_Q} is not finite"
+    for name, beats in condition.beats.items():
+        shape = np.shape(beats)
+        if len(shape) != 2 or 0 in shape:
+            yield f"{name} has shape {shape}, not beats × samples"
+        elif not np.all(np.isfinite(beats)):
+            yield f"{name} has samples that are not finite"
+    if condition.folding is not None:
+        yield from _not_positive("folding.samples", condition.folding.samples)
+        yield from _not_positive("folding.start_sd", condition.folding.start_sd, zero=True)
+
+
+def _not_positive(name: str, value: float | None, *, zero: bool = False) -> Iterator[str]:
+    if value is None:
+        return
+    if not math.isfinite(value) or value < 0.0 or (value == 0.0 and not zero):
+        yield f"{name} = {value} must be finite and {'not negative' if zero else 'positive'}"

@@ -20,10 +20,12 @@ from typing import Any, Literal
 
 from jaxfsi.fields.frame import write_whole
 from study.case import read_case
+from study.faults import CaseError
 from study.members import Member
 from study.provenance import input_files, sha256
 from study.result_files import RESULT_FILE, STUDY_FILE
 from study.stages import stage_key
+from study.stored_document import load_document
 
 Mode = Literal["curve", "3d"]
 MODES: tuple[Mode, ...] = ("curve", "3d")
@@ -212,8 +214,8 @@ def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> Fate | None:
         if status["key"] != member_key(member, mode, extra) or status["status"] != 0:
             return None
         seconds = float(status["seconds"])
-        document = json.loads(_result_file(member, mode).read_text(encoding="utf-8"))
-    except (OSError, ValueError, KeyError, TypeError):
+        document = load_document(_result_file(member, mode))
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return Fate(member, 0, seconds, document, "", kept=True)
 
@@ -222,7 +224,10 @@ def _ended(member: Member, mode: Mode, extra: Sequence[str], status: int, start:
     seconds = time.monotonic() - start
     document, reason = None, ""
     if status == 0:
-        document = json.loads(_result_file(member, mode).read_text(encoding="utf-8"))
+        try:
+            document = load_document(_result_file(member, mode))
+        except CaseError as error:
+            return Fate(member, 1, seconds, None, " ".join(str(error).split()))
         kept = {"key": member_key(member, mode, extra), "status": 0, "seconds": seconds}
         write_whole(member.folder / STATUS_FILE, json.dumps(kept).encode())
     else:

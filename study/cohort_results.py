@@ -23,7 +23,7 @@ from study.cohort import Fate, Mode
 from study.document_rows import CALIBRATED, FIXED, ratio_name
 from study.faults import CaseError
 from study.patient import QUADRATIC
-from study.stored_document import FORMAT
+from study.stored_document import FORMAT, readable
 
 Document = dict[str, Any]
 
@@ -66,14 +66,29 @@ def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Document) -> 
         fates: what became of each case.
         mode: how they were run.
         provenance: command, versions, date.
+
+    Raises:
+        CaseError: a part of the document of a case is missing or damaged.
     """
-    pairs = [pair for fate in fates if fate.document for pair in _pairs(fate, mode)]
+    pairs: list[Pair] = []
+    patients: list[Document] = []
+    for fate in fates:
+        found, patient = readable(
+            fate.member.folder,
+            fate.document or {},
+            lambda fate=fate: (
+                list(_pairs(fate, mode)) if fate.document else [],
+                _patient(fate, mode),
+            ),
+        )
+        pairs += found
+        patients.append(patient)
     groups = list(_groups(pairs))
     return {
         "format": FORMAT,
         "kind": "cohort",
         "mode": mode,
-        "patients": [_patient(fate, mode) for fate in fates],
+        "patients": patients,
         "pairs": [pair._asdict() for pair in pairs],
         "groups": groups,
         "changes": list(_changes(pairs)),

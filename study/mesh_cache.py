@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxfsi import Mesh
+from jaxfsi.fields.npz import load_arrays
 from study.cache import cache_folder
 from study.case import Case
 from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
@@ -96,8 +97,7 @@ def load_mesh(key: str) -> StateMesh | None:
         names = json.loads((entry / "mesh.json").read_text(encoding="utf-8"))
         document = json.loads((entry / "document.json").read_text(encoding="utf-8"))
         made = dict(json.loads((entry / "made.json").read_text(encoding="utf-8")))
-        with np.load(entry / "mesh.npz") as arrays:
-            stored = {name: arrays[name] for name in arrays.files}
+        stored = load_arrays(entry / "mesh.npz")
         mesh = Mesh(
             **{name: stored[name] for name in _ARRAYS},
             label_names=tuple(names["label_names"]),
@@ -106,7 +106,7 @@ def load_mesh(key: str) -> StateMesh | None:
         )
         pictures = {path.stem: path.read_bytes() for path in sorted(entry.glob("*.png"))}
         os.utime(entry)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         shutil.rmtree(entry, ignore_errors=True)
         return None
     return StateMesh(mesh, document, pictures, made)

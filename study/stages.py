@@ -12,13 +12,13 @@ import io
 import json
 import os
 import pathlib
-import zipfile
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxfsi.fields.frame import write_whole
+from jaxfsi.fields.npz import load_arrays
 from study.numerics import decided_by
 from study.provenance import made_now
 
@@ -26,7 +26,7 @@ FORMAT = 2
 """Part of every hash; grows when a stage changes its meaning."""
 
 _MADE, _KEY = "made", "key"
-_DAMAGE = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, RecursionError)
 
 
 class Kept(NamedTuple):
@@ -124,12 +124,11 @@ class Stages:
     def known_arrays(self, name: str, key: str) -> Kept | None:
         """What was kept of arrays under a name and key; None where there is nothing."""
         try:
-            with np.load(self.folder / f"{name}.npz") as file:
-                if str(file[_KEY]) != key:
-                    return None
-                made = dict(json.loads(str(file[_MADE])))
-                names = [part for part in file.files if part not in (_KEY, _MADE)]
-                return Kept({part: file[part] for part in names}, made)
+            file = load_arrays(self.folder / f"{name}.npz")
+            if str(file.pop(_KEY)) != key:
+                return None
+            made = dict(json.loads(str(file.pop(_MADE))))
+            return Kept(file, made)
         except _DAMAGE:
             return None
 
@@ -151,8 +150,7 @@ class Stages:
         """When and by which code the stage of a name was made; None where there is none."""
         try:
             if (self.folder / f"{name}.npz").exists():
-                with np.load(self.folder / f"{name}.npz") as file:
-                    return dict(json.loads(str(file[_MADE])))
+                return dict(json.loads(str(load_arrays(self.folder / f"{name}.npz")[_MADE])))
             stored = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
             return dict(stored[_MADE])
         except _DAMAGE:

@@ -5,9 +5,12 @@ import re
 
 import pytest
 
-from study.cohort import run_cohort
+from study.cohort import Fate, _ended, _finished, member_key, run_cohort
+from study.cohort_results import cohort_document
 from study.demo import demo_cohort_path
+from study.faults import CaseError
 from study.members import find_members
+from study.stored_document import load_document
 from study.virtual_cohort import case_text, patients
 
 CASE = """\
@@ -136,6 +139,33 @@ def test_interrupt_that_a_child_drops_is_sent_again(folder, tmp_path, monkeypatc
     with pytest.raises(KeyboardInterrupt):
         run_cohort([member], "curve", tell=stop)
     assert not (member.folder / "result.json").exists()
+
+
+@pytest.mark.parametrize(
+    "text", ['{"format": "jaxfsi 1", "a": NaN}', "[" * 100_000, "{", "[1e999]"]
+)
+def test_damaged_result_of_a_case_is_not_taken(folder, tmp_path, text):
+    member = find_members(folder, tmp_path)[0]
+    member.folder.mkdir()
+    (member.folder / "result.json").write_text(text)
+    status = {"key": member_key(member, "curve", []), "status": 0, "seconds": 1.0}
+    (member.folder / "status.json").write_text(json.dumps(status))
+    assert _finished(member, "curve", []) is None
+    (member.folder / "status.json").unlink()
+    fate = _ended(member, "curve", [], 0, 0.0)
+    assert fate.document is None
+    assert fate.status == 1
+    assert f"{member.folder / 'result.json'}: " in fate.reason
+    assert not (member.folder / "status.json").exists()
+
+
+def test_damaged_part_of_a_result_is_named(folder, tmp_path):
+    member = find_members(folder, tmp_path)[0]
+    member.folder.mkdir()
+    (member.folder / "result.json").write_text('{"format": "jaxfsi 1", "kind": "run", "runs": 3}')
+    fate = Fate(member, 0, 1.0, load_document(member.folder), "")
+    with pytest.raises(CaseError, match=r"result\.json: the result is damaged: runs, or a part"):
+        cohort_document([fate], "curve", {})
 
 
 def test_folder_without_cases_is_refused(tmp_path, command):

@@ -61,7 +61,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "march": (
         "jaxfsi/core/*", "jaxfsi/fields/*", "jaxfsi/simulation/*", "study/boundary_run.py",
         "study/case_model.py", "study/fsi_bench.py", "study/ramp_run.py",
-        "study/simulation_case.py", "study/simulation_run.py",
+        "study/outlet_shares.py", "study/simulation_case.py", "study/simulation_run.py",
     ),
     "reading": (
         "jaxfsi/fields/*", "study/aortic_site.py", "study/boundary_run.py", "study/fsi_bench.py",

@@ -16,13 +16,14 @@ import numpy as np
 from calibration import RampFit, RampRecord, fit_ramp, measured_slope
 from jaxfsi.core.ports import Port, PressurePort
 from jaxfsi.core.state import initial_state
+from jaxfsi.opening import canonical_order
 from jaxfsi.simulation import Record
 from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import MMHG, Ramp
 from lumped.waveforms import Constant
 from study.case_model import case_model
 from study.fsi_bench import Bench, finished_run
-from study.openings import ANOMALOUS, INLET, distal_name
+from study.openings import ANOMALOUS, INLET
 from study.simulation_case import STEP, Outlets, Schedule, Setup
 from study.stages import stage_key
 
@@ -81,13 +82,12 @@ def prepare_ramp(bench: Bench, choice: RampChoice) -> Setup:
 
 
 def _columns(record: Record, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    distal = distal_name(names)
-    assert distal is not None, "checked by check_openings"
+    distal = [name for name in canonical_order(names) if name.startswith(ANOMALOUS)]
     return {
         "t": record.t,
         "P_aorta": port_pressure(record, names, INLET),
-        "P_distal": port_pressure(record, names, distal),
-        "Q": port_flow(record, names, distal),
+        "P_distal": port_pressure(record, names, distal[0]),
+        "Q": np.sum([port_flow(record, names, n) for n in distal], axis=0),
     }
 
 

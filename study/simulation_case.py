@@ -7,8 +7,9 @@
 | an anomalous outlet | five-element coronary bed, its resistances times alpha |
 | every other outlet | the coronary bed of the case, not scaled |
 
-A segment, a vessel without the aorta, has the aortic pressure at its ``inlet`` and a coronary bed
-times alpha behind each of its outlets; it needs no cardiac output.
+A segment, a vessel without the aorta, has the aortic pressure at its ``inlet`` and the coronary bed
+times alpha behind its outlets; it needs no cardiac output. Several outlets of one artery share its
+bed (`study.outlet_shares`).
 
 Under stress the rule of the case changes all blocks. In series with the Windkessel stands the
 characteristic impedance of the aorta, which sends no wave back; it stays as it is under stress. A
@@ -34,7 +35,6 @@ from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from calibration import (
@@ -70,6 +70,7 @@ from study.case_model import Keep, case_model
 from study.faults import CaseError, Fault
 from study.opening_checks import names_segment
 from study.openings import ANOMALOUS, OUTLET, inlet_name, is_segment
+from study.outlet_shares import opening_area, outlet_shares, share_of
 from study.patient import Patient, condition_of, load_patient, stress_rules
 
 STEP = 1.0e-3
@@ -291,19 +292,18 @@ def outlets_of(
     starts = {}
     segment = is_segment(mesh.openings)
     if not segment:
-        blocks[OUTLET] = _windkessel(case, condition, rule, _opening_area(mesh, OUTLET))
+        blocks[OUTLET] = _windkessel(case, condition, rule, opening_area(mesh, OUTLET))
         starts[OUTLET] = _start(inlet, entry.period, blocks[OUTLET])
-    for name in mesh.openings:
-        if name in (inlet_name(mesh.openings), OUTLET):
-            continue
-        anomalous = segment or name.startswith(ANOMALOUS)
-        scale = alpha if anomalous else 1.0
-        block = blocks[name] = _coronary(case, entry, rule, scale)
-        if anomalous and own is not None:
-            before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=block)
+    others = [n for n in mesh.openings if n not in (inlet_name(mesh.openings), OUTLET)]
+    shares = outlet_shares(mesh, [n for n in others if segment or n.startswith(ANOMALOUS)])
+    for name in others:
+        bed = _coronary(case, entry, rule, alpha if name in shares else 1.0)
+        blocks[name] = share_of(bed, shares.get(name, 1.0))
+        if name in shares and own is not None:  # the states are pressures: alike in every share
+            before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=bed)
             starts[name] = _states(before.network(condition_of(entry), inlet=inlet), entry.period)
         else:
-            starts[name] = _start(inlet, entry.period, block)
+            starts[name] = _start(inlet, entry.period, bed)
     return Outlets(alpha, origin, blocks, starts)
 
 
@@ -351,13 +351,6 @@ def _windkessel(case: Case, condition: str, rule: StressRule | None, area: float
     )
     series = jnp.minimum(series, 0.5 * total)
     return RCR(R_proximal=series, C=stressed.C, R_distal=total - series)
-
-
-def _opening_area(mesh: Mesh, name: str) -> float:
-    # on the host: it is asked for while models are traced
-    corner = mesh.points[mesh.labelled(name)]
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    return float(np.linalg.norm(normal, axis=1).sum() / 2.0)
 
 
 def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: Parameter) -> Coronary:

@@ -3,6 +3,8 @@
 import gc
 import os
 import pathlib
+import shutil
+import tempfile
 from collections.abc import Iterator
 
 import equinox as eqx
@@ -14,6 +16,16 @@ from jaxtyping import install_import_hook
 # for ever where a program asks LAPACK for two batches of factorisations at once (see
 # `diagnosis.elimination`), which fits and sweeps of `calibration` may do.
 os.environ.setdefault("NPROC", "1")
+
+# Compiled code of this run, for all its processes: compilation is three quarters of the time of
+# most tests, and many files compile the same functions. It is empty at the start of each run.
+COMPILED = "JAX_COMPILATION_CACHE_DIR"
+_OWNER = "PYTEST_XDIST_WORKER" not in os.environ
+if _OWNER:
+    os.environ[COMPILED] = tempfile.mkdtemp(prefix="compiled-")
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+jax.config.update("jax_compilation_cache_dir", os.environ[COMPILED])
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 with install_import_hook(
     ["lumped", "jaxfsi", "calibration", "diagnosis", "study"], "beartype.beartype"
@@ -35,9 +47,15 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
 
 
+def pytest_unconfigure() -> None:
+    """Remove the compiled code of this run."""
+    if _OWNER:
+        shutil.rmtree(os.environ[COMPILED], ignore_errors=True)
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _compiled_code_released() -> Iterator[None]:
-    """Release compiled code after each file.
+    """Release compiled code after each file; what other files need again comes from the cache.
 
     A process may have 65 530 memory maps on Linux, and each compiled function takes several: with
     the code of all files kept, the process ends with a fault.

@@ -66,6 +66,7 @@ def test_truth_and_catalogue_hold_the_same_effects():
     assert not set(truth.OUTSIDE) & set(truth.RANGES)
 
 
+@pytest.mark.slow
 def test_single_causes_are_ranked_first_and_nulls_not_named(rows):
     for row, cause in zip(rows, CAUSES, strict=True):
         if cause is None:
@@ -74,6 +75,7 @@ def test_single_causes_are_ranked_first_and_nulls_not_named(rows):
             assert ranked(row)[0] == cause
 
 
+@pytest.mark.slow
 def test_score_table_and_figure_are_made(rows, tmp_path):
     figures = score(rows)
     assert figures["top-1"].startswith("1.000")

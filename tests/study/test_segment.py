@@ -7,8 +7,10 @@ import trimesh
 
 import study.mesh_case as mesh_case
 import study.simulate_command as simulate_command
+from lumped import Constant, Coronary
 from study.case import read_case
 from study.opening_checks import names_segment
+from study.outlet_shares import opening_area, outlet_shares, share_of
 from study.simulation_case import check_simulation, plan_steps
 from study.simulation_run import march_seconds
 
@@ -113,7 +115,7 @@ def test_segment_in_the_wrong_unit_is_refused(case_file, command, tmp_path):
     found = command("mesh", path, folder=tmp_path / "out")
     assert found.status == 2
     said = " ".join(found.stderr.split())
-    assert "radius of 1.5 cm, expected 0.03..0.6 cm: the unit (cm) is probably wrong" in said
+    assert "radius of 1.49 cm, expected 0.03..0.6 cm: the unit (cm) is probably wrong" in said
     assert "of an aorta, name its ends aorta_inlet, aorta_outlet" in said
 
 
@@ -124,6 +126,24 @@ def test_segment_needs_no_cardiac_output_and_its_estimate_follows_its_steps(case
     few = plan_steps(case, "rest", cycles=0.4).n_steps
     assert few == 8
     assert march_seconds("coarse", few) < 120.0
+
+
+def test_outlets_of_one_artery_share_its_bed(tube):
+    """In parallel they are the bed of the case; the wider one has more of it."""
+    mesh = tube.three_openings()
+    names = ("aorta_outlet", "anomalous_outlet")  # each is half of an end of the tube
+    bed = Coronary(Constant(0.0), R_1=1e3, R_2=3e3, R_3=2e3, C_a=1e-6, C_im=5e-6)
+    shares = outlet_shares(mesh, names)
+    assert sum(shares.values()) == pytest.approx(1.0, abs=1e-15)
+    ratio = opening_area(mesh, names[0]) / opening_area(mesh, names[1])
+    assert shares[names[0]] / shares[names[1]] == pytest.approx(ratio**1.3)
+    parts = [share_of(bed, share) for share in shares.values()]
+    for name in ("R_1", "R_2", "R_3"):
+        together = 1.0 / sum(1.0 / getattr(part, name) for part in parts)
+        assert together == pytest.approx(getattr(bed, name))
+    for name in ("C_a", "C_im"):
+        assert sum(getattr(part, name) for part in parts) == pytest.approx(getattr(bed, name))
+    assert share_of(bed, 1.0) is bed
 
 
 @pytest.mark.slow

@@ -128,7 +128,7 @@ WALLS = {
         # Hooke's law has one tangent, so that elements that bend are exact too.
         ("pressure", "quadratic, Hooke", 5e-4, 1e-11),
         # Others are linearised about the mean deformation of an element: 2 % at strains of 1e-2.
-        ("pressure", "quadratic", 1e-4, 0.05),
+        pytest.param("pressure", "quadratic", 1e-4, 0.05, marks=pytest.mark.slow),
     ],
 )
 def test_stencils_and_elements_are_the_derivative_of_the_equations(inlet, wall, d_wall, tolerance):

@@ -11,6 +11,7 @@ from study.earlier_run import make_way
 from study.folder_lock import at_work
 from study.progress import Progress
 from study.provenance import provenance
+from study.result_files import STAGE_FOLDER
 from study.study_command import study_case, study_choice
 
 
@@ -26,6 +27,14 @@ def algorithm_command(options: argparse.Namespace, case: Case, folder: pathlib.P
     with at_work(folder, note), Progress() as progress:
         origin = provenance(case, options.command_line)
         make_way(folder, {"kind": "study", "provenance": origin}, note)
-        result = run_study(case, folder, choice, progress=progress)
-        document, written = write_study(result, origin, progress)
+        try:
+            result = run_study(case, folder, choice, progress=progress)
+            document, written = write_study(result, origin, progress)
+        except KeyboardInterrupt as stop:
+            if str(stop) or not (folder / STAGE_FOLDER).is_dir():
+                raise
+            raise KeyboardInterrupt(
+                f"interrupted; what was computed is in {folder}. Give the same command again to"
+                " go on."
+            ) from None
     return Answer(document, written)

@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from benchmarks.blind import layers, truth
+from benchmarks.blind import layers, rates, truth
 from benchmarks.blind.cases import Cases, seal, unseal
 from benchmarks.blind.diagnoses import diagnose_folder, records_in
 from benchmarks.blind.grid import grid_figure, grid_table
@@ -104,6 +104,17 @@ def test_labels_that_were_changed_are_refused(folder, tmp_path):
     (tmp_path / "labels.sealed").write_bytes(bytes(text))
     with pytest.raises(ValueError, match="were changed after sealing"):
         unseal(tmp_path)
+
+
+@pytest.mark.slow
+def test_clocks_that_divide_no_beat_raise_no_alarm(tmp_path):
+    """Patients without an effect, recorded at 60 to 250 Hz with beats of changing length."""
+    rng = np.random.default_rng(5)
+    found = rates.diagnosed(tmp_path, Cases(5, 16, "none"), rates.draw_clocks(rng, 16), 6)
+    verdicts = [diagnosis.judgement.verdict for diagnosis in found if diagnosis is not None]
+    assert len(verdicts) == 16
+    # 3 % of alarms are allowed: two or more of 16 then come in 8 % of such draws
+    assert sum(verdict in ("named", "unknown") for verdict in verdicts) <= 1
 
 
 def test_equal_layers_without_a_branch_are_one_layer(monkeypatch):

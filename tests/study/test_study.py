@@ -10,6 +10,7 @@ import jax
 import numpy as np
 import pytest
 
+import study.algorithm_command as algorithm_command
 import study.fsi_bench as fsi_bench
 import study.mesh_case as mesh_case
 from calibration import RATIO_TOLERANCE
@@ -186,6 +187,20 @@ def test_unknown_rule_and_condition_are_refused(folder, command, tmp_path, march
         found = command("study", folder / "case.toml", *options, folder=tmp_path / "out")
         assert found.status == 2, options
         assert not (tmp_path / "out").exists()
+
+
+def test_interrupt_between_runs_says_where_the_finished_ones_are(
+    folder, command, tmp_path, monkeypatch
+):
+    def interrupted(case, place, choice, *, progress):
+        (place / "stages").mkdir(parents=True)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(algorithm_command, "run_study", interrupted)
+    found = command("study", folder / "case.toml", folder=tmp_path / "out")
+    assert found.status == 130
+    assert f"what was computed is in {tmp_path / 'out'}" in found.stderr
+    assert "nothing was written" not in found.stderr
 
 
 @pytest.mark.slow

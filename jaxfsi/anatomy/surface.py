@@ -208,7 +208,7 @@ def _check_ends(
             " (cuts)."
         )
     radii = [end.radius for end in ends] + [_CM[unit] * cut.radius for cut in cuts.values()]
-    alone = bool(names) and not any(name.startswith("aorta") for name in names)
+    alone = "inlet" in (names or ()) and all(n.startswith(("inlet", "outlet")) for n in names or ())
     low, high = options.radius_range or (_CORONARY_RADIUS if alone else _AORTA_RADIUS)
     if not low <= max(radii) <= high:
         other, cure = "there is no aorta", "a coronary artery alone, name its ends inlet and outlet"

@@ -117,8 +117,10 @@ def execute(argv: Sequence[str], stop: Sequence[str] = ()) -> Outcome:
         sys.stderr.flush()
         texts = [_text(path) for path in (out, err)]
     after = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    children = after / 1024 if after > before else 0.0
-    own = _memory_mb("VmHWM") - already + FRESH_MB
+    largest = _memory_mb("VmHWM")
+    # a child counts what the process held that it was forked from, this one
+    children = after / 1024 if after > before and after / 1024 > 1.05 * largest else 0.0
+    own = largest - already + FRESH_MB
     return Outcome(status, *texts, _processor_seconds() - start, max(own, children))
 
 

@@ -111,7 +111,7 @@ def test_unreadable_files_are_refused(tmp_path):
         read_ivus_contours(tmp_path / "absent.csv")
     binary = tmp_path / "binary.csv"
     binary.write_bytes(bytes(range(256)))
-    with pytest.raises(ValueError, match="is not text"):
+    with pytest.raises(ValueError, match="is not a UTF-8 text"):
         read_ivus_contours(binary)
 
 

@@ -19,13 +19,18 @@ class Malformed(ValueError):
     """What is wrong with the content of a file, in words for its user."""
 
 
+def bad_byte(error: UnicodeDecodeError) -> str:
+    """The first byte of a file that is no UTF-8, and its place."""
+    return f"byte {error.start} is {error.object[error.start]:#04x}"
+
+
 def why(error: Exception) -> str:
     """Why a file cannot be read, from whatever a parser raised."""
     match error:
         case Malformed():
             return str(error)
         case UnicodeDecodeError():
-            return f"it is no UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
+            return f"it is no UTF-8 text ({bad_byte(error)})"
         case json.JSONDecodeError():
             return f"it is no valid JSON at line {error.lineno}, column {error.colno}"
         case ET.ParseError():
@@ -57,8 +62,7 @@ def read_text(path: pathlib.Path) -> str:
     except OSError as error:
         raise ValueError(f"{path}: cannot be opened ({why(error)}). Check the path.") from error
     except UnicodeDecodeError as error:
-        place = f"byte {error.start} is {error.object[error.start]:#04x}"
-        raise ValueError(f"{path}: is not a UTF-8 text ({place}). {AGAIN}.") from error
+        raise ValueError(f"{path}: is not a UTF-8 text ({bad_byte(error)}). {AGAIN}.") from error
 
 
 def read_table(path: pathlib.Path) -> Iterator[tuple[int, dict[str, str]]]:

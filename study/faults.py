@@ -8,6 +8,8 @@ import re
 import reprlib
 from collections.abc import Sequence
 
+from jaxfsi.text_files import bad_byte
+
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]{1,80}")
 _LARGEST_SHOWN_INTEGER = 10**18
 
@@ -106,6 +108,6 @@ def shown_key(name: str) -> str:
 def unreadable(error: OSError | ValueError) -> str:
     """Why a text file cannot be read: the first byte that is no UTF-8, or what the system says."""
     if isinstance(error, UnicodeDecodeError):
-        return f"not a UTF-8 text (byte {error.start} is {error.object[error.start]:#04x})"
+        return f"not a UTF-8 text ({bad_byte(error)})"
     reason = error.strerror if isinstance(error, OSError) else "its path is no path of a file"
     return f"the file cannot be read: {reason or 'the system does not say why'}"

@@ -4,6 +4,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from jaxfsi.text_files import bad_byte
+
 LARGEST_NUMBER = 1e30
 """Magnitude beyond which a number is damage: no quantity of a result comes near it."""
 
@@ -89,8 +91,7 @@ def parse(data: bytes, trail: Trail) -> Any:
     try:
         found = json.loads(data.decode("utf-8-sig"), object_pairs_hook=_once)
     except UnicodeDecodeError as error:
-        byte = data[error.start]
-        raise Damage(f"not a UTF-8 text (byte {error.start} is {byte:#04x})") from None
+        raise Damage(f"not a UTF-8 text ({bad_byte(error)})") from None
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise Damage(f"not valid JSON at {place}") from None

@@ -4,6 +4,8 @@ import gc
 import os
 import pathlib
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator
 
@@ -20,8 +22,25 @@ os.environ.setdefault("NPROC", "1")
 # Compiled code of this run, for all its processes: compilation is three quarters of the time of
 # most tests, and many files compile the same functions. It is empty at the start of each run.
 COMPILED = "JAX_COMPILATION_CACHE_DIR"
+
+# Tests compile far more than they compute: code that XLA makes in a third of the time suits them.
+CHEAP = (
+    "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+    " --xla_cpu_parallel_codegen_split_count=1"
+)
+
+
+def _accepted(flags: str) -> bool:
+    """Whether this version of XLA knows the flags: it ends the process where it does not."""
+    first = [sys.executable, "-c", "import jax; jax.devices()"]
+    tried = subprocess.run(first, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True)
+    return tried.returncode == 0
+
+
 _OWNER = "PYTEST_XDIST_WORKER" not in os.environ
 if _OWNER:
+    if _accepted(CHEAP):
+        os.environ["XLA_FLAGS"] = f"{CHEAP} {os.environ.get('XLA_FLAGS', '')}"
     os.environ[COMPILED] = tempfile.mkdtemp(prefix="compiled-")
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 jax.config.update("jax_compilation_cache_dir", os.environ[COMPILED])

@@ -78,7 +78,7 @@ class SurfaceOptions:
         thickness_maximum: greatest wall thickness [cm].
         radius_range: in which the radius of the largest opening must lie [cm]; catches units
             that are wrong by a factor of ten. None: that of an aorta, or of a coronary artery
-            where names are given and none of them begins with ``aorta``.
+            where every end is named ``inlet`` or ``outlet...``.
     """
 
     smoothing_steps: int = 10
@@ -208,7 +208,7 @@ def _check_ends(
             " (cuts)."
         )
     radii = [end.radius for end in ends] + [_CM[unit] * cut.radius for cut in cuts.values()]
-    alone = "inlet" in (names or ()) and all(n.startswith(("inlet", "outlet")) for n in names or ())
+    alone = "inlet" in names and all(name.startswith(("inlet", "outlet")) for name in names)
     low, high = options.radius_range or (_CORONARY_RADIUS if alone else _AORTA_RADIUS)
     if not low <= max(radii) <= high:
         other, cure = "there is no aorta", "a coronary artery alone, name its ends inlet and outlet"

@@ -26,9 +26,9 @@ id = "patient-01"                    # names the results: letters, digits, ". _ 
 # Noise, as standard deviations. That of the mean beat is estimated from the scatter of the beats
 # where three or more were recorded.
 #[noise]
-#pressure_sd_mmHg = 1.0              # of the mean beat, a sample; 0.02 to 20
-#pressure_offset_sd_mmHg = 0.5        # slow offset of a pressure trace; 0.01 to 20
-#flow_relative_sd = 0.05             # of a flow, relative; 0.001 to 1
+#pressure_sd_mmHg = 1.0              # one sample of the mean beat, not of one beat; 0.02 to 20
+#pressure_offset_sd_mmHg = 0.5        # zero error of a whole pressure trace; 0.01 to 20
+#flow_relative_sd = 0.05             # of a flow, over its mean in the beat; 0.001 to 1
 #ffr_sd = 0.01                       # of a pressure ratio; 0.0005 to 0.2
 
 # One table for each condition, under any name, in the order in which they were measured. Each needs
@@ -54,8 +54,10 @@ P_diastolic_mmHg = 70.0
 ffr = 0.90
 
 # Traces are CSV files. The first line names the columns: time_s, P_aorta_mmHg, and where recorded
-# P_distal_mmHg and Q_coronary_ml_per_min. Whole beats from the opening of the aortic valve on, the
-# first sample at 0 s. "jaxfsi template --record --out FOLDER" writes an example, rest.csv.
+# P_distal_mmHg and Q_coronary_ml_per_min, the flow into the artery at its origin. Give one beat
+# from the opening of the aortic valve on, the first sample at 0 s; or a recording, which may begin
+# and end within a beat: its clock need not divide the beats, beats may differ in length, and rows
+# may be lost. "jaxfsi template --record --out FOLDER" writes an example, rest.csv.
 """
 
 RECORD_FILE, EXAMPLE_FILE = "record.toml", "rest.csv"

@@ -86,6 +86,7 @@ def test_score_table_and_figure_are_made(rows, tmp_path):
     assert "wire_drift" in misses([wrong])[0]
 
 
+@pytest.mark.slow
 def test_probabilities_agree_with_importance_sampling(folder):
     place = folder / "noise-0.5" / "case-0001"
     (found,) = diagnose(stacked([measured(read_record(place)[0])]))

@@ -28,6 +28,7 @@ def found():
     return diagnose(stacked([measured(record) for record in records]))
 
 
+@pytest.mark.slow
 def test_single_causes_are_named_with_their_sizes(found):
     for diagnosis, sizes in zip(found[:3], CAUSES[:3], strict=True):
         (name, size) = next(iter(sizes.items()))
@@ -38,18 +39,21 @@ def test_single_causes_are_named_with_their_sizes(found):
         assert abs(float(fitted.sizes[NAMES.index(name)]) - size) < 5.0 * float(fitted.size_sd[0])
 
 
+@pytest.mark.slow
 def test_no_cause_is_no_gap(found):
     judgement = found[3].judgement
     assert judgement.verdict == "no_gap"
     assert sum(judgement.probabilities.values()) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_two_causes_are_both_found(found):
     inclusion = found[4].judgement.inclusion
     assert inclusion["intramyocardial_pump"] > 0.8
     assert inclusion["sensor_height"] + inclusion["aortic_zero_error"] > 0.8
 
 
+@pytest.mark.slow
 def test_the_held_out_gap_shrinks_to_the_noise(found):
     (held,) = held_out_gap(found[1])
     assert held.P_distal_rms is not None
@@ -59,6 +63,7 @@ def test_the_held_out_gap_shrinks_to_the_noise(found):
     assert fitted_gap(found[1]).after < 0.2 * fitted_gap(found[1]).before
 
 
+@pytest.mark.slow
 def test_no_fit_ends_above_the_base_optimum(found):
     for diagnosis in found:
         limit = float(diagnosis.base.cost) + 1e-6
@@ -69,6 +74,7 @@ def test_no_fit_ends_above_the_base_optimum(found):
                 assert float(fitted.cost) <= limit
 
 
+@pytest.mark.slow
 def test_maps_point_to_the_condition_and_to_the_model(found):
     after_rest = rest_map(found[0].record)
     assert after_rest is not None
@@ -82,6 +88,7 @@ def test_maps_point_to_the_condition_and_to_the_model(found):
     assert sum(forcing_shares(found[2]).values()) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_aliases_and_next_measurements_are_consistent(found):
     # nothing but the shape of a trace tells them apart (cosine near 1)
     assert ("vasodilation", "r1_r3_dilation") in aliases(found[4])
@@ -92,6 +99,7 @@ def test_aliases_and_next_measurements_are_consistent(found):
     assert counts[1] > counts[0]
 
 
+@pytest.mark.slow
 def test_score_scan_agrees_with_the_exact_linear_evidence(found):
     diagnosis = found[0]
     numbers = numbers_of(CATALOGUE)
@@ -135,6 +143,7 @@ def test_evidence_with_columns_matches_the_dense_gaussian():
     assert float(found) == pytest.approx(exact, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_only_a_guessed_form_is_tolerated(found):
     """An effect whose form is exact keeps it when an effect with a guessed form joins."""
     numbers = numbers_of(CATALOGUE)
@@ -151,6 +160,7 @@ def test_only_a_guessed_form_is_tolerated(found):
     assert float(jnp.abs(columns((exact, guessed), (1.0, 1.0))).max()) > 0.0
 
 
+@pytest.mark.slow
 def test_a_forcing_beside_a_cause_matches_the_dense_gaussian(found):
     """Shared and own parts of a forcing are absorbed one after the other."""
     rng = np.random.default_rng(5)
@@ -178,6 +188,7 @@ def test_a_forcing_beside_a_cause_matches_the_dense_gaussian(found):
                 n += 1
 
 
+@pytest.mark.slow
 def test_pooled_patients_say_more_than_one(found):
     pooled = pool([found[0]] * 3)
     assert pooled.patients == 3

@@ -59,7 +59,7 @@ def test_derivative_of_the_determinant_is_the_inverse():
     np.testing.assert_allclose(found, np.linalg.inv(A), rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("nonlinear", [False, True])
+@pytest.mark.parametrize("nonlinear", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_compiled_blocks_call_no_library(nonlinear):
     """Batches of factorisations by a library may wait for XLA's threads for ever."""
     batch = stacked([measured(synthetic({}))] * 2)

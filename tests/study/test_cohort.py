@@ -175,6 +175,7 @@ def test_folder_without_cases_is_refused(tmp_path, command):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_drugs_apart_change_adenosine_alone():
     alike, apart = patients()[0], patients("apart")[0]
     for name in ("rest", "dobutamine"):

@@ -122,6 +122,7 @@ def diagnosis():
     )
 
 
+@pytest.mark.slow
 def test_the_gap_in_3d_is_that_of_the_surrogate_where_3d_is_the_surrogate(
     diagnosis, study, tmp_path
 ):

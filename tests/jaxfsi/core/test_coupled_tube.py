@@ -56,6 +56,7 @@ def test_volume_is_conserved_over_a_cycle(mesh, model):
     assert errors.cycle < 1e-6
 
 
+@pytest.mark.slow
 def test_step_solves_the_equations_with_the_coefficients_of_its_solution(model):
     # Blood that carries itself over half an element in a step: its coefficients change in it.
     start = initial_state(model)
@@ -152,6 +153,7 @@ def _stacked_bytes(jaxpr, length):
     return kept
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_reverse_mode_keeps_two_states_a_step_and_no_factors(model, stepper):
     state, n_steps = initial_state(model), 7

@@ -126,7 +126,7 @@ WALLS = {
         ("flow", "Hooke", 5e-4, 1e-11),
         ("pressure", "neo-Hookean", 5e-4, 1e-11),
         # Hooke's law has one tangent, so that elements that bend are exact too.
-        ("pressure", "quadratic, Hooke", 5e-4, 1e-11),
+        pytest.param("pressure", "quadratic, Hooke", 5e-4, 1e-11, marks=pytest.mark.slow),
         # Others are linearised about the mean deformation of an element: 2 % at strains of 1e-2.
         pytest.param("pressure", "quadratic", 1e-4, 0.05, marks=pytest.mark.slow),
     ],

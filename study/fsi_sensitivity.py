@@ -23,7 +23,6 @@ import dataclasses
 import io
 import pathlib
 import time
-import zipfile
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -48,6 +47,7 @@ from jaxfsi.core.state import State, initial_state
 from jaxfsi.core.statics import Loads, pressure_load, static_factor
 from jaxfsi.core.stepper import Stepper, prepare
 from jaxfsi.fields.frame import write_whole
+from jaxfsi.fields.npz import load_arrays
 from jaxfsi.mesh import OUTER_WALL, Mesh
 from lumped import StressRule
 from lumped.parameters import Parameter
@@ -143,7 +143,7 @@ def run_sensitivity(bench: Bench, name: RunName) -> Sensitivity:
     def compute() -> dict[str, np.ndarray]:
         begun = time.monotonic()
         setup = setup_of(bench, name)
-        kept = _Kept(bench.folder / "stages" / f"{stage}-part.npz", key)
+        kept = Kept(bench.folder / "stages" / f"{stage}-part.npz", key)
         swept = swept_gradient(bench.case, setup, bench.site, kept, bench.progress)
         bench.progress.tell("derivatives by parameters", 10.0)
         relative, nodes = by_parameters(swept, bench.case, name, setup)
@@ -166,7 +166,7 @@ def swept_gradient(
     case: Case,
     setup: Setup,
     site: np.ndarray | None,
-    kept: "_Kept | None" = None,
+    kept: "Kept | None" = None,
     progress: Progress | None = None,
 ) -> RatioGradient:
     """Derivative of the ratio of a run by model and start.
@@ -314,7 +314,7 @@ def _prestress_part(
     return pulled(numbers, by_model.prestress)
 
 
-class _Kept:
+class Kept:
     """What a sweep has gathered, in a file beside the stages."""
 
     def __init__(self, path: pathlib.Path, key: str):
@@ -324,12 +324,11 @@ class _Kept:
     def load(self) -> dict[str, np.ndarray] | None:
         """What was kept under the key."""
         try:
-            with np.load(self.path) as file:
-                if str(file["key"]) != self._key:
-                    return None
-                return {name: file[name] for name in file.files if name != "key"}
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            arrays = load_arrays(self.path)
+        except (OSError, ValueError):
             return None
+        key = arrays.pop("key", None)
+        return arrays if str(key) == self._key else None
 
     def save(self, arrays: dict[str, np.ndarray]) -> None:
         """Keep arrays in place of those before."""

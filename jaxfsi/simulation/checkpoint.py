@@ -10,8 +10,6 @@ import hashlib
 import io
 import json
 import pathlib
-import zipfile
-import zlib
 from typing import Any, NamedTuple
 
 import jax
@@ -20,6 +18,7 @@ import numpy as np
 
 from jaxfsi.core.state import State
 from jaxfsi.fields.frame import write_whole
+from jaxfsi.fields.npz import load_arrays
 from jaxfsi.simulation.observer import Memory
 from jaxfsi.simulation.record import Record
 from jaxfsi.simulation.step_control import Position
@@ -27,8 +26,8 @@ from jaxfsi.text_files import why
 
 FORMAT = 1
 
-# What `np.load` and `json.loads` raise on other files and on damaged ones.
-_DAMAGE = (EOFError, zipfile.BadZipFile, zlib.error, ValueError, TypeError, KeyError, RuntimeError)
+# What `load_arrays` and `json.loads` raise on other files and on damaged ones.
+_DAMAGE = (ValueError, TypeError, KeyError, RuntimeError)
 
 
 class CheckpointError(ValueError):
@@ -113,8 +112,7 @@ def load_checkpoint(
         CheckpointError: the file is damaged, or belongs to another run.
     """
     try:
-        with np.load(io.BytesIO(path.read_bytes())) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = load_arrays(path)
         head = dict(json.loads(arrays.pop("head").tobytes()))
     except (OSError, *_DAMAGE) as error:
         raise CheckpointError(

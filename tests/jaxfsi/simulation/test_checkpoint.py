@@ -91,13 +91,15 @@ def test_damaged_checkpoint_is_refused_and_left_alone(
     assert _content(tmp_path) == before
 
 
-@pytest.mark.parametrize("content", [b"", b"no archive", b"npy"], ids=str)
+@pytest.mark.parametrize("content", [b"", b"no archive", b"npy", b"packed"], ids=str)
 def test_what_is_no_checkpoint_is_refused(run, tmp_path, content):
     path = tmp_path / "c.npz"
     path.write_bytes(content)
     if content == b"npy":
         with path.open("wb") as file:
             np.save(file, np.zeros(3))
+    if content == b"packed":  # 32 MB of zeros in 32 kB
+        np.savez_compressed(path, head=np.zeros(2**22))
     with pytest.raises(CheckpointError, match="cannot be read as a checkpoint"):
         run(checkpoint=path, **OPTIONS)
 

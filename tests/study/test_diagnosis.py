@@ -34,6 +34,7 @@ def document(folder, outcome):
     return json.loads((folder.parent / "drifting-results/diagnosis.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_cause_is_named_at_its_place(document):
     assert document["verdict"] == "named"
     assert document["named"] == ["inertance"]
@@ -43,6 +44,7 @@ def test_a_cause_is_named_at_its_place(document):
     assert max(places, key=lambda name: places[name]) == "ostium"
 
 
+@pytest.mark.slow
 def test_held_out_gap_and_provenance_are_in_the_document(document):
     (held,) = document["gap"]["held_out"]
     assert held["condition"] == "dobutamine_high"
@@ -50,6 +52,7 @@ def test_held_out_gap_and_provenance_are_in_the_document(document):
     assert {entry["file"] for entry in document["provenance"]["inputs"]} >= {"record.toml"}
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_part(document, folder):
     page = (folder.parent / "drifting-results/diagnosis.html").read_text(encoding="utf-8")
     for heading in HEADINGS:
@@ -62,10 +65,12 @@ def test_the_page_shows_every_part(document, folder):
         assert f"below {floor:.4f}" in page
 
 
+@pytest.mark.slow
 def test_the_page_is_drawn_again_from_the_document(document):
     assert diagnosis_report(document) == diagnosis_report(json.loads(json.dumps(document)))
 
 
+@pytest.mark.slow
 def test_summary_says_the_sentence(outcome, document):
     assert document["sentence"] in outcome.stdout
 

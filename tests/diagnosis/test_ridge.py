@@ -33,10 +33,8 @@ def test_the_integral_of_a_parabola_is_that_of_its_closed_form():
     assert sd[0] == pytest.approx(expected, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("name", "size"),
-    [("sensor_height", 4.0), pytest.param("inertance", 0.08, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size"), [("sensor_height", 4.0), ("inertance", 0.08)])
 def test_fits_at_given_sizes_add_up_to_the_evidence_of_the_fit(name, size):
     """Where waveforms leave no ridge, the integral over the size is the parabola's."""
     batch, effects = stacked([measured(synthetic({name: size}, seed=1))]), only(name)

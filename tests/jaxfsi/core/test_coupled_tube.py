@@ -80,6 +80,7 @@ def test_step_solves_the_equations_with_the_coefficients_of_its_solution(model):
     assert left(y, step) > 100.0 * own
 
 
+@pytest.mark.slow
 def test_pressures_that_rise_with_the_ambient_one_move_nothing(model, stepper):
     P = 1e5
     outlet = model.ports[1].block

@@ -123,7 +123,7 @@ WALLS = {
     ("inlet", "wall", "d_wall", "tolerance"),
     [
         # Round-off; λ goes through E and ν, which loses 1/(1 − 2ν) of it.
-        ("flow", "Hooke", 5e-4, 1e-11),
+        pytest.param("flow", "Hooke", 5e-4, 1e-11, marks=pytest.mark.slow),
         ("pressure", "neo-Hookean", 5e-4, 1e-11),
         # Hooke's law has one tangent, so that elements that bend are exact too.
         pytest.param("pressure", "quadratic, Hooke", 5e-4, 1e-11, marks=pytest.mark.slow),

@@ -110,6 +110,7 @@ def test_failure_is_reported_with_a_cure(vessel):
         equilibrium(model, loads, factor, **options)
 
 
+@pytest.mark.slow
 def test_derivatives_that_were_not_solved_for_are_no_numbers(vessel):
     model, loads, factor = vessel
 

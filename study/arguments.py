@@ -5,12 +5,14 @@ import importlib.util
 import math
 import pathlib
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from diagnosis.richness import RICHNESS
 from jaxfsi.meshing.presets import PRESETS
 from study.cache import VARIABLE
+from study.numerics import installed
 from study.result_files import MESH_FORMATS as FORMATS
 
 LARGEST_COUNT = 1_000_000
@@ -190,6 +192,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         "jaxfsi", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=raw
     )
+    parser.add_argument("--version", action=_Version, help="print the version and end")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     parsers = {
         name: commands.add_parser(
@@ -254,6 +257,17 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     options = parser.parse_args(given)
     options.options = rest
     return options
+
+
+class _Version(argparse.Action):
+    """Prints the version of the package, which is looked up only when it is asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **kwargs: Any):
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, **kwargs)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(f"jaxfsi {installed('jaxfsi') or 'not installed'}")
+        parser.exit()
 
 
 def _mesh_arguments(command: argparse.ArgumentParser) -> None:

@@ -28,6 +28,7 @@ print(status, [name for name in {HEAVY} if name in sys.modules], file=sys.stderr
     [
         (("template",), 0),
         (("--help",), 0),
+        (("--version",), 0),
         (("run", "bad.toml"), 2),
         (("simulate", "bad.toml"), 2),
         (("study", "missing.toml"), 2),

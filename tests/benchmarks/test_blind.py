@@ -1,7 +1,5 @@
 """The blind benchmark itself: its truth, its seals, and a subset small enough for every run."""
 
-import shutil
-
 import numpy as np
 import pytest
 
@@ -20,6 +18,7 @@ from benchmarks.blind.score import (
 from diagnosis import CATALOGUE, diagnose, measured, stacked
 from study.cache import VARIABLE
 from study.record_file import read_record
+from study.record_template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
 
 CAUSES = ("quadratic_loss", "vasodilation", "sensor_height", "signal_delay", None, None)
 
@@ -51,11 +50,12 @@ def rows(folder):
     return found
 
 
-def test_a_refused_record_is_left_out_and_named(folder, tmp_path, capsys):
-    for k in (0, 1):
-        name = f"case-{k:04d}"
-        shutil.copytree(folder / "noise-0.5" / name, tmp_path / name)
-    (tmp_path / "case-0000" / "record.toml").write_text("nothing = 1\n")
+def test_a_refused_record_is_left_out_and_named(tmp_path, capsys):
+    for k, text in enumerate(("nothing = 1\n", record_template())):
+        case = tmp_path / f"case-{k:04d}"
+        case.mkdir()
+        (case / RECORD_FILE).write_text(text)
+        (case / EXAMPLE_FILE).write_text(example_traces())
     found = records_in(sorted(tmp_path.iterdir()))
     assert [place.name for place in found] == ["case-0001"]
     assert "case-0000 is refused" in capsys.readouterr().err
@@ -118,6 +118,7 @@ def test_clocks_that_divide_no_beat_raise_no_alarm(tmp_path):
     assert sum(verdict in ("named", "unknown") for verdict in verdicts) <= 1
 
 
+@pytest.mark.slow
 def test_equal_layers_without_a_branch_are_one_layer(monkeypatch):
     monkeypatch.setattr(truth, "STEPS", 3200)
     monkeypatch.setattr(truth, "BEATS", 2)

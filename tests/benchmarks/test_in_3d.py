@@ -22,6 +22,8 @@ from study.record_file import read_record
 from tests.study.quick_march import QuickMarch
 from tests.study.tube_case import write_case
 
+pytestmark = pytest.mark.slow
+
 SOME = ("none", "wire_drift", "quadratic_loss", "stress_compliance")
 
 

@@ -153,6 +153,7 @@ def test_nonlinear_surrogate_is_fitted_by_shooting():
     np.testing.assert_allclose(found.values, [4e3, 2e3], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_rest_and_stress_together_separate_what_rest_alone_cannot():
     rule = stress_rule("printed")
     names = ("R0", "alpha", "coronary.R_2")

@@ -76,6 +76,7 @@ def test_chunk_size_changes_nothing():
     np.testing.assert_allclose(big.P_distal, small.P_distal, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_sweep_with_quadratic_loss_falls_below_the_linear_one():
     lossy = eqx.tree_at(lambda s: s.K, PATIENT, jnp.asarray(2e4), is_leaf=lambda x: x is None)
     sweep = sweep_alpha(lossy, REST, ALPHAS[8:10], n_samples=64, rule=StressRule())

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import pathlib
+import time
 import types
 from typing import Any, NamedTuple
 
@@ -13,6 +14,9 @@ import pytest
 
 from study.cache import VARIABLE
 from study.cli import main
+
+_LONGEST = 600.0
+"""How long a demo run may take [s]."""
 
 
 class Outcome(NamedTuple):
@@ -68,7 +72,22 @@ def tube() -> types.ModuleType:
 
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    """`jaxfsi run --demo --json` without its mesh, once."""
-    return run_command(
-        "run", "--demo", "--no-mesh", "--json", folder=tmp_path_factory.mktemp("demo")
-    )
+    """`jaxfsi run --demo --json` without its mesh, once for all processes of a run."""
+    own = tmp_path_factory.getbasetemp()
+    place = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "demo"
+    said, part = place / "said.json", place / "said.part"
+    try:
+        place.mkdir()
+    except FileExistsError:  # another process makes it
+        end = time.monotonic() + _LONGEST
+        while not said.exists():
+            assert time.monotonic() < end, "the process that runs the demo has not ended"
+            time.sleep(0.2)
+        return Outcome(*json.loads(said.read_text()), place / "results")
+    outcome = Outcome(1, "", "it was ended", place)
+    try:
+        outcome = run_command("run", "--demo", "--no-mesh", "--json", folder=place / "results")
+    finally:
+        part.write_text(json.dumps(outcome[:3]))
+        part.rename(said)
+    return outcome

@@ -118,6 +118,8 @@ _Wrong = tuple[object, str, str, str]
 def _wrong_header(header: Sequence[str]) -> _Wrong | None:
     allowed = f"{_TIME.key},{_P_AORTA.key}"
     missing = [column.key for column in (_TIME, _P_AORTA) if column.key not in header]
+    if not missing and len(set(header)) < len(header):
+        return ",".join(header), "a column is given twice", allowed, "remove one of them"
     if not missing:
         return None
     cure = f"write a first line with the names of the columns, {allowed}"

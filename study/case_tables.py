@@ -1,7 +1,7 @@
 """The tables of a case file: which there are, what each takes, and how its values must agree."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Sized
 from typing import Any
 
 from jaxfsi.meshing.presets import PRESETS
@@ -13,6 +13,9 @@ from study.faults import printable, shown_key
 from study.losses_table import R0, K, read_losses
 from study.schema import FREE_TEXT, Key, Location, Quantity, Value, Word, spellings
 from study.tables import Context, check_order, read_free_texts, read_table
+
+MOST_CONDITIONS = 100
+"""Of a case or a record: some are rest and drugs, many are a slip."""
 
 FFR_MEANING = (
     "FFR is mean distal over mean aortic pressure; at 1 or above there is no loss to calibrate: "
@@ -224,11 +227,22 @@ def _read_conditions(table: object, context: Context) -> dict[str, dict[str, Any
     return {name: _read_condition(name, value, context) for name, value in tables.items()}
 
 
+def too_many(conditions: Sized, context: Context) -> bool:
+    """Whether there are more conditions than a file may have, which is a fault."""
+    if len(conditions) <= MOST_CONDITIONS:
+        return False
+    problem, cure = "more conditions than one patient has", "keep those of one examination"
+    context.add("condition", len(conditions), problem, cure, f"at most {MOST_CONDITIONS}")
+    return True
+
+
 def condition_tables(table: object, context: Context) -> dict[str, dict[str, Any]]:
     """The table below each heading [condition.NAME]; faults go to the context."""
     if not isinstance(table, dict):
         cure = "write each condition as a table of its own, [condition.rest]"
         context.add("condition", None, "a table for each condition is expected", cure)
+        return {}
+    if too_many(table, context):
         return {}
     read_free_texts(table, "condition", context)
     conditions: dict[str, dict[str, Any]] = {}

@@ -7,7 +7,7 @@ older spelling is read as well: `id` above all tables, `[[condition]]` with `nam
 from typing import Any
 
 from lumped.units import MMHG, MMHG_S_PER_ML
-from study.case_tables import CONDITION_NAME, FFR_MEANING, PATIENT, condition_tables
+from study.case_tables import CONDITION_NAME, FFR_MEANING, PATIENT, condition_tables, too_many
 from study.losses_table import LOSS_KEYS, R0, read_losses
 from study.schema import FREE_TEXT, Key, Location, Quantity, Word, spellings
 from study.tables import Context, check_order, contradict, read_free_texts, read_table
@@ -122,6 +122,8 @@ def _conditions(document: dict[str, Any], context: Context) -> list[tuple[object
     tables = document.get("condition", {})
     if isinstance(tables, list) and tables:
         found = []
+        if too_many(tables, context):
+            return found
         for place, table in enumerate(tables):
             name = table.get("name", place) if isinstance(table, dict) else place
             heading = f"condition.{name}" if isinstance(name, str) else f"condition[{place}]"

@@ -1,6 +1,8 @@
 """Stored documents as strict JSON whose parts know their place, to name a damaged one."""
 
 import json
+import math
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +19,14 @@ _UNITS = tuple(
     )
 )  # fmt: skip
 """Ends of the keys below which numbers stand, and nothing else."""
+
+_RANGES = {"ffr": (0.0, 1.5), "rest_ratio": (0.0, 1.5), "alpha": (0.0, 1e9)}
+"""What the quantities of these names lie between, where they are not derivatives by them."""
+
+_DERIVATIVES = re.compile(r"_by_|sensitivit|derivative|gradient|at_fixed_alpha|recalibrated")
+
+_PRESSURE, _LARGEST_PRESSURE = re.compile(r"(^|_)P_\w*mmHg$"), 2000.0
+"""Keys of pressures, and the magnitude beyond which they are damage."""
 
 DEEPEST = 40
 """Levels of tables and lists beyond which a document is damaged."""
@@ -123,8 +133,7 @@ def _parts(value: Any, place: str, depth: int, trail: Trail) -> Any:
         raise Damage("lists or tables are nested too deeply")
     if isinstance(value, dict):
         for key, part in value.items():
-            if key.endswith(_UNITS) and not _numeric(part, depth):
-                raise Damage(f"{_below(place, key)} is to hold numbers")
+            _check(key, part, _below(place, key), depth)
         parts = {k: _parts(v, _below(place, k), depth + 1, trail) for k, v in value.items()}
         return Table(parts, place, trail)
     if isinstance(value, list):
@@ -134,6 +143,25 @@ def _parts(value: Any, place: str, depth: int, trail: Trail) -> Any:
     if isinstance(value, int | float) and not _sound(value):
         raise Damage(f"{place or 'the document'} is a number that no result holds")
     return value
+
+
+def _check(key: str, value: Any, place: str, depth: int) -> None:
+    """Refuse what a quantity of this name cannot be."""
+    if key.endswith(_UNITS) and not _numeric(value, depth):
+        raise Damage(f"{place} is to hold numbers")
+    low, high = _RANGES.get(key, (-math.inf, math.inf))
+    pressure = _PRESSURE.search(key) is not None
+    if pressure:
+        low, high = -_LARGEST_PRESSURE, _LARGEST_PRESSURE
+    elif key not in _RANGES or _DERIVATIVES.search(place):
+        return
+    for number in value if isinstance(value, list) else [value]:
+        if number is None or (pressure and isinstance(number, dict | list)):
+            continue  # waves by name
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise Damage(f"{place} is to hold numbers")
+        if not low < number < high:
+            raise Damage(f"{place} is a number that no result holds")
 
 
 def _numeric(value: Any, depth: int) -> bool:

@@ -176,6 +176,9 @@ def _read_location(key: Location, value: str, place: str, context: Context) -> p
         reason = getattr(error, "strerror", None) or "it is no path of a file"
         context.add(place, value, f"the path cannot be used: {reason}", cure, key.allowed)
         return None
+    if is_file and value.endswith(("/", "/.")):
+        context.add(place, value, "the path names a folder, and this is a file", cure, key.allowed)
+        return None
     if (is_file and size > 0) or (is_folder and key.folder):
         return path
     problem = "no such file"

@@ -291,9 +291,28 @@ BAD_BEATS = {
     "no header": (beat_text().split("\n", 1)[1], "lacks time_s and P_aorta_mmHg"),
     "wrong unit in header": (beat_text().replace("time_s", "time_ms"), "convert column time_ms"),
     "misspelt header": (beat_text().replace("aorta_", "aotra_"), "rename column P_aotra_mmHg"),
+    "column twice": (
+        re.sub(r"(?m)^([^,]*),(.*)$", r"\1,\2,\2", beat_text()),
+        "a column is given twice",
+    ),
     "semicolons": (beat_text().replace(",", ";"), "separate the columns by commas"),
     "binary": (b"\x89PNG\r\n\x1a\n\xff\xfe", "not a UTF-8 text"),
 }  # fmt: skip
+
+
+def test_a_file_that_is_named_as_a_folder_is_refused(tmp_path):
+    file = write_case(tmp_path)
+    file.write_text(file.read_text().replace('"beat.csv"', '"beat.csv/"'))
+    (tmp_path / "beat.csv").write_text(beat_text())
+    assert "names a folder" in str(refusal(file))
+
+
+def test_far_too_many_conditions_are_one_fault(tmp_path):
+    file = write_case(tmp_path)
+    more = "[condition.c{}]\nP_systolic_mmHg = 130.0\nP_diastolic_mmHg = 70.0\nperiod_s = 0.5\n"
+    file.write_text(file.read_text() + "".join(more.format(k) for k in range(200)))
+    (tmp_path / "beat.csv").write_text(beat_text())
+    assert "more conditions than one patient has" in str(refusal(file))
 
 
 @pytest.mark.parametrize("claim", BAD_BEATS)

@@ -2,6 +2,7 @@
 
 import binascii
 import csv
+import errno
 import io
 import json
 import lzma
@@ -51,6 +52,27 @@ def why(error: Exception) -> str:
     return "what it announces and what it holds do not fit together"
 
 
+def regular_bytes(path: pathlib.Path) -> bytes:
+    """The content of a file; a device or a pipe, which has no end, is not opened.
+
+    Raises:
+        OSError: the file cannot be opened, or is no regular one.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no regular file", str(path))
+    return path.read_bytes()
+
+
+def regular_text(path: pathlib.Path) -> str:
+    """The text of a file, see `regular_bytes`.
+
+    Raises:
+        OSError: the file cannot be opened, or is no regular one.
+        UnicodeDecodeError: it is no UTF-8 text.
+    """
+    return regular_bytes(path).decode("utf-8")
+
+
 def read_text(path: pathlib.Path) -> str:
     """The text of a file; a byte-order mark is skipped.
 
@@ -58,7 +80,7 @@ def read_text(path: pathlib.Path) -> str:
         ValueError: the file cannot be opened, or is no UTF-8 text.
     """
     try:
-        return path.read_bytes().decode("utf-8").removeprefix("\ufeff")
+        return regular_text(path).removeprefix("\ufeff")
     except OSError as error:
         raise ValueError(f"{path}: cannot be opened ({why(error)}). Check the path.") from error
     except UnicodeDecodeError as error:

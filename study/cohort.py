@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 from jaxfsi.fields.frame import write_whole
+from jaxfsi.text_files import regular_text
 from study.case import read_case
 from study.faults import CaseError
 from study.members import Member
@@ -210,7 +211,7 @@ def _result_file(member: Member, mode: Mode) -> pathlib.Path:
 def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> Fate | None:
     """What became of a case before; None where it must be run."""
     try:
-        status = json.loads((member.folder / STATUS_FILE).read_text(encoding="utf-8"))
+        status = json.loads(regular_text(member.folder / STATUS_FILE))
         if status["key"] != member_key(member, mode, extra) or status["status"] != 0:
             return None
         seconds = float(status["seconds"])

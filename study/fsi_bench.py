@@ -18,6 +18,7 @@ from jaxfsi.core.state import State
 from jaxfsi.fields import read_series, write_whole
 from jaxfsi.simulation import Record
 from jaxfsi.simulation.record import port_flow, port_pressure
+from jaxfsi.text_files import regular_text
 from lumped import ML_PER_MIN, MMHG
 from study.aortic_site import cycle_offsets, site_pressures
 from study.case import Case
@@ -126,7 +127,7 @@ class Bench:
     def run_begun(self, name: str) -> dict[str, Any] | None:
         """When and by which code the run in a folder was begun; None where that is not known."""
         try:
-            text = (self.run_folder(name) / INPUTS_FILE).read_text(encoding="utf-8")
+            text = regular_text(self.run_folder(name) / INPUTS_FILE)
             return dict(json.loads(text.split("\n", 1)[1]))
         except (OSError, ValueError, IndexError, TypeError):
             return None

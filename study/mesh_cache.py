@@ -17,6 +17,7 @@ import numpy as np
 
 from jaxfsi import Mesh
 from jaxfsi.fields.npz import load_arrays
+from jaxfsi.text_files import regular_text
 from study.cache import cache_folder
 from study.case import Case
 from study.case_anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
@@ -94,9 +95,9 @@ def load_mesh(key: str) -> StateMesh | None:
         return None
     entry = folder / key
     try:
-        names = json.loads((entry / "mesh.json").read_text(encoding="utf-8"))
-        document = json.loads((entry / "document.json").read_text(encoding="utf-8"))
-        made = dict(json.loads((entry / "made.json").read_text(encoding="utf-8")))
+        names = json.loads(regular_text(entry / "mesh.json"))
+        document = json.loads(regular_text(entry / "document.json"))
+        made = dict(json.loads(regular_text(entry / "made.json")))
         stored = load_arrays(entry / "mesh.npz")
         mesh = Mesh(
             **{name: stored[name] for name in _ARRAYS},

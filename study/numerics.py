@@ -30,6 +30,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from jaxfsi.fields.frame import write_whole
+from jaxfsi.text_files import regular_text
 from study.cache import cache_folder
 from study.numerics_manifest import (
     MANIFEST,
@@ -226,7 +227,7 @@ def _digests(names: Sequence[str]) -> dict[str, str]:
     kept: dict[str, str] = {}
     if path is not None:
         with contextlib.suppress(OSError, ValueError):
-            kept = dict(json.loads(path.read_text(encoding="utf-8")))
+            kept = dict(json.loads(regular_text(path)))
     way = (ROOT / "study/numerics_manifest.py").read_bytes()  # the same bytes, read another way
     found, fresh = {}, {}
     for name in names:

@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import Any
 
 from jaxfsi.fields.frame import write_whole
+from jaxfsi.text_files import regular_text
 from study.cache import cache_folder
 
 QUIET_SECONDS = 2.0
@@ -239,7 +240,7 @@ class _Memory:
         self._new: dict[str, float] = {}
         with contextlib.suppress(OSError, ValueError, AttributeError, TypeError):
             if self._path is not None:
-                found = json.loads(self._path.read_text(encoding="utf-8"))
+                found = json.loads(regular_text(self._path))
                 self._known = {str(name): _bounded(value) for name, value in found.items()}
 
     def factor(self, name: str) -> float:

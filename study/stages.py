@@ -19,6 +19,7 @@ import numpy as np
 
 from jaxfsi.fields.frame import write_whole
 from jaxfsi.fields.npz import load_arrays
+from jaxfsi.text_files import regular_text
 from study.numerics import decided_by
 from study.provenance import made_now
 
@@ -100,7 +101,7 @@ class Stages:
     def known(self, name: str, key: str) -> Kept | None:
         """What was kept of a value under a name and key; None where there is nothing."""
         try:
-            stored = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+            stored = json.loads(regular_text(self.folder / f"{name}.json"))
             return Kept(stored["value"], dict(stored[_MADE])) if stored[_KEY] == key else None
         except _DAMAGE:
             return None
@@ -151,7 +152,7 @@ class Stages:
         try:
             if (self.folder / f"{name}.npz").exists():
                 return dict(json.loads(str(load_arrays(self.folder / f"{name}.npz")[_MADE])))
-            stored = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+            stored = json.loads(regular_text(self.folder / f"{name}.json"))
             return dict(stored[_MADE])
         except _DAMAGE:
             return None

@@ -21,7 +21,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 
 from jaxfsi.mesh_files.vtp import read_vtp
-from jaxfsi.text_files import why
+from jaxfsi.text_files import regular_bytes, why
 
 _SUFFIXES = (".stl", ".ply", ".obj", ".vtp")
 _MERGE = 1e-6  # distance of corners that are one point, over the diagonal of the surface
@@ -120,7 +120,7 @@ def _loaded(path: pathlib.Path, suffix: str) -> Triangles:
 
 def _check_stl(path: pathlib.Path, hint: str) -> None:
     """Refuse an STL file that ends early; readers may take what is left without a word."""
-    data = path.read_bytes()
+    data = regular_bytes(path)
     expected = 84 + 50 * int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
     if len(data) == expected:
         return

@@ -7,7 +7,7 @@ import zipfile
 
 import numpy as np
 
-from jaxfsi.text_files import Malformed, why
+from jaxfsi.text_files import Malformed, regular_bytes, why
 
 _GROWTH = 4
 """Factor over the size of the file beyond which its content was packed to grow."""
@@ -26,7 +26,7 @@ def load_arrays(path: pathlib.Path) -> dict[str, np.ndarray]:
         OSError: the file cannot be opened.
         Malformed: it is damaged, or announces more than it holds; nothing of that size was made.
     """
-    data = path.read_bytes()
+    data = regular_bytes(path)
     try:
         _check(data)
         with np.load(io.BytesIO(data)) as file:

@@ -26,6 +26,7 @@ from jaxfsi.mesh_files.side_entry import SideEntry, entry_text, parsed_entry
 from jaxfsi.mesh_files.vtk_xml import check_vtk_xml
 from jaxfsi.mesh_files.vtp import read_vtp, write_vtp
 from jaxfsi.mesh_parts import submesh
+from jaxfsi.text_files import regular_text
 
 ELEMENT_ID = "GlobalElementID"
 FACE_ID = "ModelFaceID"
@@ -133,7 +134,7 @@ def _read_entry(path: pathlib.Path) -> SideEntry | None:
     if not (path / _ENTRY).is_file():
         return None
     with reading(path / _ENTRY, "JSON beside a mesh"):
-        return parsed_entry(json.loads((path / _ENTRY).read_text(encoding="utf-8")))
+        return parsed_entry(json.loads(regular_text(path / _ENTRY)))
 
 
 def _read_surface(

@@ -32,6 +32,7 @@ from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
 from jaxfsi.mesh_files.renaming import check_names
 from jaxfsi.mesh_files.side_entry import SideEntry, entry_text, parsed_entry
 from jaxfsi.meshing.labels import complete_labels
+from jaxfsi.text_files import regular_bytes
 
 _FIRST_LABEL = 10
 _COMMENT = b"$Comments\njaxfsi "
@@ -118,7 +119,7 @@ def read_msh(
     path = pathlib.Path(path)
     check_unit(unit)
     with reading(path, "a gmsh mesh"):
-        raw = path.read_bytes()
+        raw = regular_bytes(path)
         _check_sections(raw, path)
         _check_numbers(raw, path)
         entry = _entry_of(raw)

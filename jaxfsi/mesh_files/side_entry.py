@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.refusal import MeshFileError, reading
-from jaxfsi.text_files import Malformed
+from jaxfsi.text_files import Malformed, regular_text
 
 _FORMAT = "jaxfsi mesh"
 
@@ -77,7 +77,7 @@ def _table_beside(path: pathlib.Path) -> dict[str, object] | None:
     if not beside.is_file():
         return None
     with reading(beside, "JSON beside a mesh"):
-        table = json.loads(beside.read_text(encoding="utf-8"))
+        table = json.loads(regular_text(beside))
     return table if isinstance(table, dict) and table.get("format") == _FORMAT else None
 
 

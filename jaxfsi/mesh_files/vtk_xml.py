@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxfsi.mesh_files.refusal import MeshFileError
-from jaxfsi.text_files import Malformed
+from jaxfsi.text_files import Malformed, regular_bytes
 
 _BLOCK_SIZE = 1 << 20
 _DEEPEST = 50  # elements within each other
@@ -92,7 +92,7 @@ def open_vtk_xml(path: pathlib.Path, kind: str) -> VtkXml:
     Raises:
         MeshFileError: the file is of another kind, or compressed in a way not known here.
     """
-    text, appended, is_base64 = _split_appended(path.read_bytes(), path)
+    text, appended, is_base64 = _split_appended(regular_bytes(path), path)
     check_xml(text, path)
     root = ET.fromstring(text)
     if root.tag != "VTKFile" or root.get("type") != kind:

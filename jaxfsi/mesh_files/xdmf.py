@@ -17,7 +17,7 @@ from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
 from jaxfsi.mesh_files.side_entry import read_side_entry, write_side_entry
 from jaxfsi.mesh_files.vtk_xml import LARGEST_ARRAY, check_xml
 from jaxfsi.opening import Opening
-from jaxfsi.text_files import Malformed
+from jaxfsi.text_files import Malformed, regular_bytes
 
 
 def _need_h5py() -> None:
@@ -54,7 +54,7 @@ def _check_sources(path: pathlib.Path) -> None:
     Raises:
         MeshFileError: says which array.
     """
-    text = path.read_bytes()
+    text = regular_bytes(path)
     check_xml(text, path)
     total = 0
     for item in ET.fromstring(text).iter("DataItem"):

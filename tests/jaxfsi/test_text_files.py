@@ -1,6 +1,7 @@
 """Files that cannot be read: named and described without any parser's words."""
 
 import json
+import os
 import pathlib
 import re
 import shutil
@@ -11,10 +12,11 @@ import pytest
 
 from jaxfsi.anatomy import read_centerline, read_pullback
 from jaxfsi.anatomy.triangles import read_triangles
+from jaxfsi.fields.npz import load_arrays
 from jaxfsi.mesh_files import MeshFileError, read_mesh, read_vtp, write_mesh, write_mesh_complete
 from jaxfsi.mesh_files.mesh_complete import read_mesh_complete
 from jaxfsi.meshing import tube
-from jaxfsi.text_files import read_table
+from jaxfsi.text_files import read_table, regular_bytes
 from study import demo_case_path
 
 BUNDLED = demo_case_path().parent
@@ -185,3 +187,15 @@ def test_damaged_surfaces_are_described_in_own_words(tmp_path):
     vtp = tmp_path / "a.vtp"
     vtp.write_text("<VTKFile type='PolyData'><PolyData><Piece NumberOf")
     refused(lambda: read_vtp(vtp), vtp, "it is no valid XML at line 1")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with names")
+def test_what_has_no_end_is_not_opened(tmp_path):
+    (tmp_path / "device").symlink_to("/dev/urandom")
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("device", "pipe"):
+        for read in (regular_bytes, load_arrays):
+            with pytest.raises(OSError, match="no regular file"):
+                read(tmp_path / name)
+    (tmp_path / "file").write_bytes(b"\x00\xff")
+    assert regular_bytes(tmp_path / "file") == b"\x00\xff"

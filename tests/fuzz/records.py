@@ -267,7 +267,7 @@ def one(rng: random.Random, group: str, name: str) -> Trial | None:
     everything: Files = {f"rec/{file}": content for file, content in files.items()}
     argv = (command, "{}/rec", "--json", "--out", "{}/out")
     trial = Trial(
-        KIND, name, f"{key} by {command}", kept, everything, argv, ("*",), blame, limit=120.0
+        KIND, name, f"{key} by {command}", kept, everything, argv, ("*",), blame, limit=400.0
     )
     costly = name.startswith(("40 000", "200 000", "1000"))
     return dataclasses.replace(trial, stop=()) if costly or rng.random() < WHOLE else trial

@@ -20,7 +20,12 @@ _UNITS = tuple(
 )  # fmt: skip
 """Ends of the keys below which numbers stand, and nothing else."""
 
-_RANGES = {"ffr": (0.0, 1.5), "rest_ratio": (0.0, 1.5), "alpha": (0.0, 1e9)}
+_RANGES = {
+    "ffr": (0.0, 1.5),
+    "rest_ratio": (0.0, 1.5),
+    "alpha": (0.0, 1e9),
+    "R0": (0.0, 1e9),
+}
 """What the quantities of these names lie between, where they are not derivatives by them."""
 
 _DERIVATIVES = re.compile(r"_by_|sensitivit|derivative|gradient|at_fixed_alpha|recalibrated")

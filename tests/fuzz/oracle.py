@@ -122,7 +122,7 @@ def _of_numbers(trial: Trial, outcome: Outcome, good: dict[str, Any] | None) -> 
     try:
         document = json.loads(outcome.stdout, parse_constant=bad.append)
     except ValueError:
-        cut = len(outcome.stdout) >= LIMIT_OF_TEXT
+        cut = len(outcome.stdout.encode()) > LIMIT_OF_TEXT - 8
         return [] if cut else [Breach("numbers", "prints no JSON")]
     if bad:
         return [Breach("numbers", f"prints {bad[0]} in JSON")]
@@ -138,7 +138,10 @@ _RATIO = re.compile(r"(^|\.)(ffr|rest_ratio|target)$")
 _POSITIVE = re.compile(r"(^|\.)(alpha|R0|period_s|mean_P_aorta_mmHg|mean_P_distal_mmHg)$")
 DERIVATIVE = re.compile(r"_by_|sensitivit|derivative|gradient")
 """Keys below which quantities are derivatives, of any sign and size."""
-_SKIPPED = ("provenance", "files", "wall_time_s", "sources", "remarks", "patient", "id", "origin")
+_SKIPPED = (
+    "provenance", "files", "wall_time_s", "sources", "remarks", "patient", "id", "origin",
+    "seconds", "seconds_per_step", "resumed_from",
+)  # fmt: skip
 
 
 def numbers(document: Any, at: str = "") -> dict[str, float | str]:

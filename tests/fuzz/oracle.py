@@ -140,7 +140,7 @@ DERIVATIVE = re.compile(r"_by_|sensitivit|derivative|gradient")
 """Keys below which quantities are derivatives, of any sign and size."""
 _SKIPPED = (
     "provenance", "files", "wall_time_s", "sources", "remarks", "patient", "id", "origin",
-    "seconds", "seconds_per_step", "resumed_from",
+    "seconds", "seconds_per_step", "resumed_from", "kept", "date",
 )  # fmt: skip
 
 

@@ -272,7 +272,10 @@ def unreadable(folder: pathlib.Path) -> list[Breach]:
 
 def differing(good: Any, other: Any) -> list[str]:
     """Keys in which two documents differ, seconds and paths aside."""
-    skipped = ("second", "wall_time", "files", "folder", "path", "written", "steps_per", "memory")
+    skipped = (
+        "second", "wall_time", "files", "folder", "path", "written", "steps_per", "memory", "kept",
+        "date", "resumed",
+    )  # fmt: skip
     found = differences(numbers(good), numbers(other))
     return [text for text in found if not any(word in text.split(":")[0] for word in skipped)]
 

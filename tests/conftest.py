@@ -1,6 +1,7 @@
 """Shared set-up: runtime shape checks, strict promotion, and the folder of unshipped data."""
 
 import gc
+import importlib
 import os
 import pathlib
 import shutil
@@ -46,24 +47,25 @@ if _OWNER:
 jax.config.update("jax_compilation_cache_dir", os.environ[COMPILED])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
-with install_import_hook(
-    ["lumped", "jaxfsi", "calibration", "diagnosis", "study"], "beartype.beartype"
-):
-    import calibration
-    import diagnosis
-    import jaxfsi
-    import lumped
-    import study
-
-    _PACKAGES = (lumped, jaxfsi, calibration, diagnosis, study)
-    for package in _PACKAGES:  # names are imported on first use, and checked only in here
-        for name in dir(package):
-            getattr(package, name)
+PACKAGES = ("lumped", "jaxfsi", "calibration", "diagnosis", "study")
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 
 SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Import the packages with shape checks, where tests run and not where they are handed out."""
+    if _OWNER and config.getoption("numprocesses", None):
+        return
+    with install_import_hook(list(PACKAGES), "beartype.beartype"):
+        for package in map(importlib.import_module, PACKAGES):
+            for name in dir(package):  # imported on first use, and checked only in here
+                getattr(package, name)
+    # What is loaded stays: the collector need not look at it again and again.
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_unconfigure() -> None:

@@ -60,7 +60,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "diagnose": ("diagnose", "record"),
     "plan": ("plan-measurement", "record"),
     "cohort": ("cohort", "cohort", "--workers", "1"),
-    "study": ("study", "studied.toml", "--quick", "--cycles", "0.1"),
+    "study": ("study", "studied.toml", "--quick", "--dt", "0.01"),
 }
 """Commands of which results are kept."""
 

@@ -224,6 +224,7 @@ def test_error_estimate_is_honest(solver, bound, surrogate, reference, solved):
     assert error / 3.0 < float(solution.error_estimate) < 1e3 * error
 
 
+@pytest.mark.slow  # the adaptive solver takes half a minute to compile
 def test_cycles_agree_with_the_propagator(rest, solved):
     # one state keeps the compilation of the adaptive solver short
     network = connect(

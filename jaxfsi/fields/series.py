@@ -4,13 +4,13 @@ The PVD is replaced as a whole after each frame, so that it can be opened while 
 frame that it names last is complete.
 """
 
+import math
 import pathlib
 import re
 import xml.etree.ElementTree as ET
 from typing import NamedTuple
 
 from jaxfsi.fields.frame import read_time, write_whole
-from jaxfsi.text_files import why
 
 _STEP = re.compile(r"_(\d+)\.[a-z]+$")
 
@@ -71,15 +71,21 @@ def write_series(path: pathlib.Path, entries: list[Entry]) -> None:
 def read_series(path: pathlib.Path) -> list[Entry]:
     """Entries of a PVD file; none where there is no file.
 
-    Raises:
-        ValueError: the file is no PVD.
+    A PVD is an index. One that is damaged, or names files that are not there, gives way to the
+    frames beside it, each of which holds its own time.
     """
     if not path.is_file():
         return []
     try:
         root = ET.parse(path).getroot()
-        return [Entry(float(e.attrib["timestep"]), e.attrib["file"]) for e in root.iter("DataSet")]
-    except (ET.ParseError, KeyError, ValueError) as error:
-        raise ValueError(
-            f"{path} is no PVD file: {why(error)}. Remove it, or write it again."
-        ) from None
+        found = [Entry(float(e.attrib["timestep"]), e.attrib["file"]) for e in root.iter("DataSet")]
+    except (ET.ParseError, ValueError, LookupError):
+        return find_frames(path.parent, path.stem)
+    if all(_lies_in(path.parent, entry) for entry in found):
+        return found
+    return find_frames(path.parent, path.stem)
+
+
+def _lies_in(folder: pathlib.Path, entry: Entry) -> bool:
+    is_plain = pathlib.PurePath(entry.file).name == entry.file
+    return is_plain and math.isfinite(entry.t) and (folder / entry.file).is_file()

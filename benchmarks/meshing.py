@@ -22,10 +22,10 @@ from jaxfsi.anatomy import (
 )
 from jaxfsi.mesh import tet_volumes
 from jaxfsi.meshing.build import MeshResult, build_mesh
-from jaxfsi.meshing.section_areas import section_areas
+from jaxfsi.meshing.check.section_areas import section_areas
 from lumped.units import MM
 from study import demo_case_path, read_case
-from study.anatomy_source import case_anatomy
+from study.run.anatomy_source import case_anatomy
 
 SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
 SEED = 2026

@@ -14,15 +14,21 @@ import numpy as np
 from benchmarks.timing import timed
 from jaxfsi import INTERFACE, Mesh, Region, submesh
 from jaxfsi.anatomy import Anatomy
-from jaxfsi.core.materials import SaintVenantKirchhoff
-from jaxfsi.core.model import WallElement, build_model
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.statics import Equilibrium, Loads, equilibrium, pressure_load, static_factor
+from jaxfsi.core.laws.materials import SaintVenantKirchhoff
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.statics.equilibrium import (
+    Equilibrium,
+    Loads,
+    equilibrium,
+    pressure_load,
+    static_factor,
+)
+from jaxfsi.core.step.model import WallElement, build_model
 from jaxfsi.meshing import build_mesh
-from jaxfsi.meshing.section_areas import section_areas
+from jaxfsi.meshing.check.section_areas import section_areas
 from lumped.units import MMHG
 from study import demo_case_path, read_case
-from study.anatomy_source import case_anatomy
+from study.run.anatomy_source import case_anatomy
 
 _PULSE = 40.0 * MMHG
 _ELEMENTS: tuple[WallElement, ...] = ("linear", "quadratic")

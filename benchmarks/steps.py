@@ -21,16 +21,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.timing import in_turn, timed
-from jaxfsi.core.equations import begin_step, extrapolated, renewed, residual
-from jaxfsi.core.march import march
-from jaxfsi.core.mesh_motion import mesh_displacement
-from jaxfsi.core.model import Model, WallElement
-from jaxfsi.core.newton import single
-from jaxfsi.core.operator import apply_elements, step_tangent
-from jaxfsi.core.preconditioner import precondition
-from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepper import Stepper, prepare
-from jaxfsi.core.stepping import at_ports
+from jaxfsi.core.laws.mesh_motion import mesh_displacement
+from jaxfsi.core.solve.newton import single
+from jaxfsi.core.solve.preconditioner import precondition
+from jaxfsi.core.solve.tangent import apply_elements, step_tangent
+from jaxfsi.core.step.equations import begin_step, extrapolated, renewed, residual
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, WallElement
+from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.core.step.step import at_ports
+from jaxfsi.core.step.stepper import Stepper, prepare
 from jaxfsi.mesh import Mesh
 from jaxfsi.simulation.field_series import FieldSeries
 from jaxfsi.verification.coupled_tube import (
@@ -41,7 +41,7 @@ from jaxfsi.verification.coupled_tube import (
     outlet_pressure_gradient,
 )
 from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_mesh, wave_model
-from study.cache import VARIABLE, use_cache
+from study.store.cache_folder import VARIABLE, use_cache
 
 DT = 1e-4
 CHUNK = 10

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from jaxfsi import reordered
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepper import prepare
+from jaxfsi.core.step.state import initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import INTERFACE
 from jaxfsi.mesh_files import read_mesh_complete, read_vtu
 from jaxfsi.verification import (

@@ -7,7 +7,7 @@ thick, or twice as long; a thick tube against Lamé. One number is right where l
 from typing import Any
 
 from benchmarks.timing import timed
-from jaxfsi.core.statics import equilibrium, static_factor
+from jaxfsi.core.statics.equilibrium import equilibrium, static_factor
 from jaxfsi.verification import (
     RING_WORK,
     STRIP_WORK,

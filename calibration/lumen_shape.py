@@ -31,7 +31,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
 from jaxfsi import INTERFACE, OUTER_WALL, Mesh, Region
-from jaxfsi.core.assembly import assembled, host_geometry, stiffness
+from jaxfsi.core.elements.assembly import assembled, host_geometry, stiffness
 
 _LENGTH = 0.1
 """Length ℓ over which a density is smoothed [cm]."""

@@ -25,10 +25,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.model import Model
-from jaxfsi.core.state import State
-from jaxfsi.core.stepper import Stepper
-from jaxfsi.core.stepping import RESULTS, advance_step
+from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import State
+from jaxfsi.core.step.step import RESULTS, advance_step
+from jaxfsi.core.step.stepper import Stepper
 
 
 class Reading(eqx.Module):
@@ -107,7 +107,7 @@ def advance_part(
     Args:
         model: the model.
         state: state at its start.
-        stepper: see `jaxfsi.core.stepper.prepare`.
+        stepper: see `jaxfsi.core.step.stepper.prepare`.
         reading: where pressures are read.
         n_steps: steps of the chunk (static).
     """
@@ -158,8 +158,8 @@ def ratio_gradient(
     Args:
         model: the model; its numbers must be concrete.
         state: state at the start.
-        stepper: see `jaxfsi.core.stepper.prepare`; the transposed systems are solved to 1e-6 and
-            need more iterations (`max_linear`) than a step.
+        stepper: see `jaxfsi.core.step.stepper.prepare`; the transposed systems are solved to 1e-6
+            and need more iterations (`max_linear`) than a step.
         reading: where pressures are read.
         n_steps: steps of the run.
         per_cycle: steps of its last cycle, whose means count; None: all.

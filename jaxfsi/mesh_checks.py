@@ -20,7 +20,7 @@ def check_mesh(mesh: Mesh) -> None:
     """Refuse a mesh with any fault that makes a computation on it meaningless.
 
     Topology that is merely unexpected, such as a perforated septum, is for
-    `jaxfsi.meshing.topology.check_topology`.
+    `jaxfsi.meshing.check.topology.check_topology`.
 
     Args:
         mesh: mesh to check.

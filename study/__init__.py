@@ -5,8 +5,19 @@ from typing import TYPE_CHECKING
 from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
-    from study.beat import Beat
-    from study.case import (
+    from study.case.anatomy import (
+        Anatomy,
+        IvusAnatomy,
+        IvusState,
+        MeshAnatomy,
+        SurfaceAnatomy,
+        SurfaceCut,
+        SyntheticAnatomy,
+    )
+    from study.case.beat import Beat
+    from study.case.demo import demo_case_path
+    from study.case.faults import CaseError, Fault
+    from study.case.model import (
         REQUIREMENTS,
         BloodParameters,
         Case,
@@ -20,27 +31,16 @@ if TYPE_CHECKING:
         read_case,
         require,
     )
-    from study.case_anatomy import (
-        Anatomy,
-        IvusAnatomy,
-        IvusState,
-        MeshAnatomy,
-        SurfaceAnatomy,
-        SurfaceCut,
-        SyntheticAnatomy,
-    )
-    from study.demo import demo_case_path
-    from study.faults import CaseError, Fault
-    from study.findings import Note, notes, verdict
-    from study.patient import Model, Patient, Vessel, load_patient
-    from study.pipeline import CaseResult, Run, run_case
-    from study.progress import Progress
-    from study.record_template import record_template
-    from study.report import html_report
-    from study.results import case_document
-    from study.stored_document import load_document, to_json
-    from study.sweep import sweep_case
-    from study.template import case_template
-    from study.tuning import Calibration, Tuning, calibrate_case
+    from study.case.record_template import record_template
+    from study.case.template import case_template
+    from study.report.page import html_report
+    from study.report.remarks import Note, notes, verdict
+    from study.report.results import case_document
+    from study.run.patient import Model, Patient, Vessel, load_patient
+    from study.run.pipeline import CaseResult, Run, run_case
+    from study.run.progress import Progress
+    from study.run.sweep import sweep_case
+    from study.run.tuning import Calibration, Tuning, calibrate_case
+    from study.store.stored_document import load_document, to_json
 
 import_on_first_use(__name__)

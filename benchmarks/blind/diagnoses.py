@@ -12,9 +12,9 @@ from benchmarks.blind.sparse import strongest_term
 from diagnosis import Diagnosis, Record, diagnose, measured, stacked
 from diagnosis.prediction import n_unknowns
 from diagnosis.shrink import expected_waves
-from study.cache import use_cache
-from study.faults import CaseError
-from study.record_file import read_record
+from study.case.faults import CaseError
+from study.case.record import read_record
+from study.store.cache_folder import use_cache
 
 
 def records_in(places: Iterable[pathlib.Path]) -> dict[pathlib.Path, Record]:

@@ -7,7 +7,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from benchmarks.blind.score import Row, detectability, ranked, score, stated_and_seen, truth
-from study.drawing import COLOURS, GREY, STYLE
+from study.report.style import COLOURS, GREY, STYLE
 
 COLUMNS = {
     "top-1": "top-1",

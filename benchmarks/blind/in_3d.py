@@ -27,12 +27,12 @@ from benchmarks.blind.cases import OFFSET_SD_MMHG, Setting, seal, write_record
 from benchmarks.blind.sensors import seen
 from benchmarks.blind.truth import RANGES, SAMPLED, Lanes, March
 from lumped import MMHG, MMHG_S_PER_ML, Coronary, Sampled, sampled
-from study.boundary_run import PHASES, Beat, Drive, driven_beat, fingerprint, known_difference
-from study.cache import use_cache
-from study.case import Condition
-from study.finished_study import FinishedStudy, finished_study
-from study.fsi_bench import Bench
-from study.progress import Progress
+from study.case.model import Condition
+from study.run.driven_beat import PHASES, Beat, Drive, driven_beat, fingerprint, known_difference
+from study.run.finished_study import FinishedStudy, finished_study
+from study.run.progress import Progress
+from study.run.run_3d import Bench
+from study.store.cache_folder import use_cache
 
 SOFT_WALL, SOFTER = "softer_wall", 0.25
 """A wall with another modulus than the study's, which is no effect of the catalogue; the factor."""
@@ -118,7 +118,7 @@ def drives_of(study: FinishedStudy, lanes: Lanes, differences: list[np.ndarray])
     Args:
         study: gives the patient.
         lanes: its conditions.
-        differences: between ostium and inlet of each, see `study.boundary_run.Drive`.
+        differences: between ostium and inlet of each, see `study.run.driven_beat.Drive`.
     """
     plain, n = March(lanes), len(lanes["period"])
     at = [np.full(n, phase) for phase in PHASES]

@@ -18,7 +18,7 @@ from benchmarks.blind.clocked import Clock
 from benchmarks.blind.diagnoses import records_in
 from benchmarks.blind.score import wilson
 from diagnosis import Diagnosis, Record, diagnose, measured, stacked
-from study.cache import use_cache
+from study.store.cache_folder import use_cache
 
 RATES = (60.0, 100.0, 128.0, 250.0)
 JITTERS = (0.0, 0.01, 0.02, 0.04)

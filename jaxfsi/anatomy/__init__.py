@@ -6,17 +6,7 @@ from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
     from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening, PointFunction
-    from jaxfsi.anatomy.cohort import (
-        PUBLISHED,
-        Measures,
-        Published,
-        anatomy_from_measures,
-        resistance_index,
-        sample_anatomies,
-        sample_measures,
-    )
-    from jaxfsi.anatomy.ct_course import AortaFit, fit_aorta, read_centerline
-    from jaxfsi.anatomy.curves import (
+    from jaxfsi.anatomy.curves.curve import (
         Curve,
         CurveCoordinates,
         at_arc_length,
@@ -27,6 +17,7 @@ if TYPE_CHECKING:
         polyline_points,
         rotation_minimising_normals,
     )
+    from jaxfsi.anatomy.curves.loft import eccentric_sections, lofted
     from jaxfsi.anatomy.grid import Grid, sample_near_zero
     from jaxfsi.anatomy.implicit import (
         Foot,
@@ -38,20 +29,6 @@ if TYPE_CHECKING:
         tube,
         tube_foot,
     )
-    from jaxfsi.anatomy.ivus import IvusOptions, ivus_anatomy
-    from jaxfsi.anatomy.loft import eccentric_sections, lofted
-    from jaxfsi.anatomy.parameters import (
-        PARAMETER_RANGES,
-        ParameterFault,
-        SyntheticAnatomy,
-        adult_anatomy,
-        check_parameters,
-        coronary_diameter,
-        paediatric_anatomy,
-        parameter_faults,
-        scaled_anatomy,
-    )
-    from jaxfsi.anatomy.pullback import Pullback, read_pullback
     from jaxfsi.anatomy.sections import (
         Section,
         anatomy_sections,
@@ -63,9 +40,32 @@ if TYPE_CHECKING:
         surface_outline,
         surface_section,
     )
-    from jaxfsi.anatomy.surface import Cut, SurfaceOptions, surface_anatomy
-    from jaxfsi.anatomy.synthetic import synthetic_anatomy, synthetic_vessels
-    from jaxfsi.anatomy.triangles import Triangles, read_triangles
+    from jaxfsi.anatomy.sources.cohort import (
+        PUBLISHED,
+        Measures,
+        Published,
+        anatomy_from_measures,
+        resistance_index,
+        sample_anatomies,
+        sample_measures,
+    )
+    from jaxfsi.anatomy.sources.ct_course import AortaFit, fit_aorta, read_centerline
+    from jaxfsi.anatomy.sources.ivus import IvusOptions, ivus_anatomy
+    from jaxfsi.anatomy.sources.parameters import (
+        PARAMETER_RANGES,
+        ParameterFault,
+        SyntheticAnatomy,
+        adult_anatomy,
+        check_parameters,
+        coronary_diameter,
+        paediatric_anatomy,
+        parameter_faults,
+        scaled_anatomy,
+    )
+    from jaxfsi.anatomy.sources.pullback import Pullback, read_pullback
+    from jaxfsi.anatomy.sources.surface import Cut, SurfaceOptions, surface_anatomy
+    from jaxfsi.anatomy.sources.synthetic import synthetic_anatomy, synthetic_vessels
+    from jaxfsi.anatomy.surfaces.triangles import Triangles, read_triangles
     from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
     from jaxfsi.anatomy.wall import (
         offset_by_class,

@@ -25,7 +25,7 @@ import scipy.ndimage
 import scipy.spatial
 from jaxtyping import Float, Int
 
-from jaxfsi.anatomy.curves import Curve
+from jaxfsi.anatomy.curves.curve import Curve
 
 _PAD = 10  # rows beyond the ends: there the spline's end conditions have decayed (0.27^10 = 2e-6)
 _CHUNK = 20_000

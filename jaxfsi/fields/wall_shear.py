@@ -31,8 +31,8 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import area_vectors
-from jaxfsi.core.fluid import Blood, shear_rate
+from jaxfsi.core.elements.linear import area_vectors
+from jaxfsi.core.laws.fluid import Blood, shear_rate
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 
 _RIDGE = 1e-9

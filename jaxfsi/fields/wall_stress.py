@@ -13,8 +13,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import Geometry, added
-from jaxfsi.core.materials import (
+from jaxfsi.core.elements.linear import Geometry, added
+from jaxfsi.core.elements.wall import AbstractWallElement
+from jaxfsi.core.laws.materials import (
     Tensor,
     combined,
     determinant,
@@ -22,8 +23,7 @@ from jaxfsi.core.materials import (
     product,
     transposed,
 )
-from jaxfsi.core.solid import Wall, cauchy_stress, deformation_gradients, inelastic_stress
-from jaxfsi.core.wall_elements import AbstractWallElement
+from jaxfsi.core.laws.solid import Wall, cauchy_stress, deformation_gradients, inelastic_stress
 from lumped.parameters import Parameter
 
 

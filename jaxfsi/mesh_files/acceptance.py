@@ -1,6 +1,6 @@
 """What every mesh from a file passes before anyone has it: other names, then an examination.
 
-Every reader ends in `accepted`. The faults are those of `jaxfsi.meshing.topology`.
+Every reader ends in `accepted`. The faults are those of `jaxfsi.meshing.check.topology`.
 """
 
 import pathlib
@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.refusal import MeshFileError
 from jaxfsi.mesh_files.renaming import renamed
-from jaxfsi.meshing.topology import Fault, check_topology, unlabelled_faults
+from jaxfsi.meshing.check.topology import Fault, check_topology, unlabelled_faults
 
 
 def accepted(

@@ -6,18 +6,24 @@ from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
     from jaxfsi.meshing.build import MeshReport, MeshResult, build_mesh
-    from jaxfsi.meshing.fidelity import Fidelity, elements_across, mesh_fidelity
-    from jaxfsi.meshing.fill import BACKENDS, Backend, Filling, fill_surfaces
+    from jaxfsi.meshing.check.fidelity import Fidelity, elements_across, mesh_fidelity
+    from jaxfsi.meshing.check.quality import (
+        Quality,
+        Spread,
+        ThroughEdges,
+        mesh_quality,
+        through_edges,
+    )
+    from jaxfsi.meshing.check.tet_quality import TetQuality, tet_quality
+    from jaxfsi.meshing.check.thickness import Exit, WallThickness, wall_thickness
+    from jaxfsi.meshing.check.topology import Fault, TopologyReport, check_topology
     from jaxfsi.meshing.isolate import MeshingError
-    from jaxfsi.meshing.isosurface import Surface
     from jaxfsi.meshing.labels import find_openings, label_faces, labelled_mesh, outward
     from jaxfsi.meshing.presets import PRESETS
-    from jaxfsi.meshing.quality import Quality, Spread, ThroughEdges, mesh_quality, through_edges
-    from jaxfsi.meshing.strip import strip
-    from jaxfsi.meshing.surface_topology import SurfaceTopology, enclosed_volume, surface_topology
-    from jaxfsi.meshing.tet_quality import TetQuality, tet_quality
-    from jaxfsi.meshing.thickness import Exit, WallThickness, wall_thickness
-    from jaxfsi.meshing.topology import Fault, TopologyReport, check_topology
-    from jaxfsi.meshing.tube import bent, elliptic, mapped, ring, tube
+    from jaxfsi.meshing.structured.strip import strip
+    from jaxfsi.meshing.structured.tube import bent, elliptic, mapped, ring, tube
+    from jaxfsi.meshing.surface.isosurface import Surface
+    from jaxfsi.meshing.surface.topology import SurfaceTopology, enclosed_volume, surface_topology
+    from jaxfsi.meshing.volume.fill import BACKENDS, Backend, Filling, fill_surfaces
 
 import_on_first_use(__name__)

@@ -16,27 +16,27 @@ import numpy as np
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_parts import reordered
-from jaxfsi.meshing.clipping import (
+from jaxfsi.meshing.check.fidelity import Fidelity, mesh_fidelity
+from jaxfsi.meshing.check.quality import Quality, mesh_quality
+from jaxfsi.meshing.check.topology import TopologyReport, check_topology
+from jaxfsi.meshing.demands import Request, check_demands
+from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
+from jaxfsi.meshing.labels import label_faces
+from jaxfsi.meshing.presets import PRESETS
+from jaxfsi.meshing.surface.clipping import (
     ClippedSurface,
     clip,
     find_loops,
     flatten_loops,
     on_planes,
 )
-from jaxfsi.meshing.complex import Complex, assemble, check_complex
-from jaxfsi.meshing.demands import Request, check_demands
-from jaxfsi.meshing.fidelity import Fidelity, mesh_fidelity
-from jaxfsi.meshing.fill import fill_complex
-from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
-from jaxfsi.meshing.isosurface import Surface, extract_surface
-from jaxfsi.meshing.labels import label_faces
-from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
-from jaxfsi.meshing.presets import PRESETS
-from jaxfsi.meshing.projection import balance, project
-from jaxfsi.meshing.quality import Quality, mesh_quality
-from jaxfsi.meshing.remesh import remesh_surfaces
-from jaxfsi.meshing.sizes import SizeField, choose_sizes, sample_surface
-from jaxfsi.meshing.topology import TopologyReport, check_topology
+from jaxfsi.meshing.surface.complex import Complex, assemble, check_complex
+from jaxfsi.meshing.surface.isosurface import Surface, extract_surface
+from jaxfsi.meshing.surface.projection import balance, project
+from jaxfsi.meshing.surface.remesh import remesh_surfaces
+from jaxfsi.meshing.surface.sizes import SizeField, choose_sizes, sample_surface
+from jaxfsi.meshing.volume.fill import fill_complex
+from jaxfsi.meshing.volume.lattice import LatticeSettings, sample_lattice
 from jaxfsi.opening import canonically_ordered
 
 Progress = Callable[[str, float], None]

@@ -6,8 +6,8 @@ import numpy as np
 
 from jaxfsi.anatomy import Anatomy, Opening
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX
-from jaxfsi.meshing.fill import backend_named
 from jaxfsi.meshing.presets import PRESETS
+from jaxfsi.meshing.volume.fill import backend_named
 
 _MOST_ACROSS = 24
 _MOST_LAYERS = 8

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxfsi.core.state import State
+from jaxfsi.core.step.state import State
 from jaxfsi.fields.frame import write_whole
 from jaxfsi.fields.npz import load_arrays
 from jaxfsi.simulation.observer import Memory

@@ -17,11 +17,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.march import History
-from jaxfsi.core.model import Model
-from jaxfsi.core.state import State
-from jaxfsi.core.stepper import Stepper
-from jaxfsi.core.stepping import RESULTS, advance_step
+from jaxfsi.core.step.march import History
+from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import State
+from jaxfsi.core.step.step import RESULTS, advance_step
+from jaxfsi.core.step.stepper import Stepper
 
 VELOCITY_SCALE = 1.0
 """u₀: velocities far below it are not resolved in time for their own sake [cm/s]."""

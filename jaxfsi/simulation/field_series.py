@@ -27,9 +27,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import geometry
-from jaxfsi.core.model import Model
-from jaxfsi.core.state import State
+from jaxfsi.core.elements.linear import geometry
+from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import State
 from jaxfsi.fields.frame import Grid
 from jaxfsi.fields.series import Entry, find_frames, frame_name, write_series
 from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear

@@ -8,8 +8,8 @@ import abc
 
 import numpy as np
 
-from jaxfsi.core.model import Model
-from jaxfsi.core.state import State
+from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import State
 
 Memory = dict[str, np.ndarray]
 

@@ -20,8 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.model import Model
-from jaxfsi.core.state import State
+from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import State
 from jaxfsi.fields.frame import Grid
 from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear
 from jaxfsi.mesh import Mesh

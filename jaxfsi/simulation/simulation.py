@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxfsi.core.model import Model
-from jaxfsi.core.state import State
-from jaxfsi.core.stepper import Stepper, prepare
-from jaxfsi.core.stepping import RESULTS
+from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import State
+from jaxfsi.core.step.step import RESULTS
+from jaxfsi.core.step.stepper import Stepper, prepare
 from jaxfsi.simulation.checkpoint import (
     Checkpoint,
     CheckpointError,

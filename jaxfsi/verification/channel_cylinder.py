@@ -17,17 +17,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import geometry
-from jaxfsi.core.fluid import Blood, fluid_residual, frozen
-from jaxfsi.core.march import march
-from jaxfsi.core.model import Model, build_model
-from jaxfsi.core.ports import AbstractVelocity, PressurePort, VelocityPort
-from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepper import Stepper, prepare
-from jaxfsi.core.viscosity import Newtonian
+from jaxfsi.core.elements.linear import geometry
+from jaxfsi.core.laws.fluid import Blood, fluid_residual, frozen
+from jaxfsi.core.laws.ports import AbstractVelocity, PressurePort, VelocityPort
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.core.step.stepper import Stepper, prepare
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.meshing.labels import label_faces
-from jaxfsi.meshing.prisms import Section, extruded
+from jaxfsi.meshing.structured.prisms import Section, extruded
 from jaxfsi.opening import Opening
 from lumped.parameters import Parameter
 from lumped.waveforms import Constant

@@ -13,14 +13,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.march import march
-from jaxfsi.core.materials import NeoHookean
-from jaxfsi.core.model import Model, build_model
-from jaxfsi.core.ports import BlockPort, FlowPort
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import State
-from jaxfsi.core.stepper import Stepper
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.materials import NeoHookean
+from jaxfsi.core.laws.ports import BlockPort, FlowPort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.state import State
+from jaxfsi.core.step.stepper import Stepper
 from jaxfsi.mesh import Mesh
 from jaxfsi.meshing import tube
 from lumped.blocks import RCR

@@ -14,15 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex, Float
 
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.march import march
-from jaxfsi.core.materials import LinearElastic
-from jaxfsi.core.model import Model, build_model
-from jaxfsi.core.ports import BlockPort, PressurePort
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepper import prepare
-from jaxfsi.core.viscosity import Newtonian
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.materials import LinearElastic
+from jaxfsi.core.laws.ports import BlockPort, PressurePort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import Mesh
 from jaxfsi.verification.round_tube import round_tube
 from jaxfsi.verification.womersley import wave_number

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.materials import (
+from jaxfsi.core.laws.materials import (
     AbstractMaterial,
     LinearElastic,
     NeoHookean,

@@ -16,14 +16,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import flux
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.march import march
-from jaxfsi.core.model import Model, build_model
-from jaxfsi.core.ports import AbstractVelocity, VelocityPort
-from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepper import prepare
-from jaxfsi.core.viscosity import Newtonian
+from jaxfsi.core.elements.linear import flux
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.ports import AbstractVelocity, VelocityPort
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.meshing import strip
 from jaxfsi.meshing.labels import label_faces

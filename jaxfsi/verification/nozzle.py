@@ -20,13 +20,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.march import march
-from jaxfsi.core.model import Model, build_model
-from jaxfsi.core.ports import FlowPort, PressurePort
-from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepper import prepare
-from jaxfsi.core.viscosity import Newtonian
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.ports import FlowPort, PressurePort
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import Mesh, Region
 from jaxfsi.mesh_parts import used_nodes
 from jaxfsi.meshing import tube

@@ -25,13 +25,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements import corners, geometry, total
-from jaxfsi.core.materials import NeoHookean
-from jaxfsi.core.model import Model, WallElement, build_model
-from jaxfsi.core.prestress import prestressed
-from jaxfsi.core.quadratic import FAR, NEAR
-from jaxfsi.core.solid import Wall, cauchy_stress
-from jaxfsi.core.statics import Loads, pressure_load, static_factor
+from jaxfsi.core.elements.linear import corners, geometry, total
+from jaxfsi.core.elements.quadratic import FAR, NEAR
+from jaxfsi.core.laws.materials import NeoHookean
+from jaxfsi.core.laws.solid import Wall, cauchy_stress
+from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
+from jaxfsi.core.statics.prestress import prestressed
+from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.mesh import INTERFACE, Mesh
 from jaxfsi.verification.figures import Figure, figure
 from jaxfsi.verification.walls import axial_strain

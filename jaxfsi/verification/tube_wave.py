@@ -19,15 +19,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.march import march
-from jaxfsi.core.materials import AbstractMaterial, LinearElastic, SaintVenantKirchhoff
-from jaxfsi.core.model import Model, WallElement, build_model
-from jaxfsi.core.ports import PressurePort
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import State, initial_state
-from jaxfsi.core.stepper import prepare
-from jaxfsi.core.viscosity import Newtonian
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.materials import AbstractMaterial, LinearElastic, SaintVenantKirchhoff
+from jaxfsi.core.laws.ports import PressurePort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, WallElement, build_model
+from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import Mesh
 from jaxfsi.verification.figures import Figure, figure
 from jaxfsi.verification.round_tube import round_tube

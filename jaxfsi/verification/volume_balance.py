@@ -21,13 +21,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.bowed_interface import bowed_flux
-from jaxfsi.core.elements import area_vectors, flux
-from jaxfsi.core.generalized_alpha import GeneralizedAlpha
-from jaxfsi.core.model import Model
-from jaxfsi.core.state import State
-from jaxfsi.core.stepper import Stepper
-from jaxfsi.core.stepping import StepReport, advance_step
+from jaxfsi.core.elements.linear import area_vectors, flux
+from jaxfsi.core.laws.interface import bowed_flux
+from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
+from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import State
+from jaxfsi.core.step.step import StepReport, advance_step
+from jaxfsi.core.step.stepper import Stepper
 from jaxfsi.mesh import INTERFACE, Mesh
 
 

@@ -22,10 +22,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.materials import LinearElastic
-from jaxfsi.core.model import Model, WallElement, build_model
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.statics import Loads, pressure_load
+from jaxfsi.core.laws.materials import LinearElastic
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.statics.equilibrium import Loads, pressure_load
+from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.mesh import INTERFACE, Mesh
 from jaxfsi.meshing import ring, strip
 

@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.signal import lfilter
 
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.march import march
-from jaxfsi.core.model import Model, build_model
-from jaxfsi.core.ports import BlockPort, FlowPort
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepper import prepare
-from jaxfsi.core.viscosity import Newtonian
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.ports import BlockPort, FlowPort
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.state import initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import Mesh
 from jaxfsi.opening import Opening
 from jaxfsi.verification.figures import Figure, figure

@@ -16,9 +16,9 @@ from benchmarks.blind.score import (
     score,
 )
 from diagnosis import CATALOGUE, diagnose, measured, stacked
-from study.cache import VARIABLE
-from study.record_file import read_record
-from study.record_template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
+from study.case.record import read_record
+from study.case.record_template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
+from study.store.cache_folder import VARIABLE
 
 CAUSES = ("quadratic_loss", "vasodilation", "sensor_height", "signal_delay", None, None)
 

@@ -6,19 +6,19 @@ import jax
 import numpy as np
 import pytest
 
-import study.fsi_bench as fsi_bench
+import study.run.run_3d as fsi_bench
 from benchmarks.blind import in_3d
 from benchmarks.blind.cases import unseal
 from benchmarks.blind.score_3d import table
 from diagnosis import CATALOGUE
 from lumped import MMHG
 from study import read_case
-from study.algorithm import open_bench
-from study.case import WallParameters
-from study.finished_study import FinishedStudy
-from study.fsi_bench import RunChoice
-from study.progress import Progress
-from study.record_file import read_record
+from study.case.model import WallParameters
+from study.case.record import read_record
+from study.run.algorithm import open_bench
+from study.run.finished_study import FinishedStudy
+from study.run.progress import Progress
+from study.run.run_3d import RunChoice
 from tests.study.quick_march import QuickMarch
 from tests.study.tube_case import write_case
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from calibration.ratio_gradient import Reading, advance_part, ratio_gradient
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepper import prepare
+from jaxfsi.core.step.state import initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.verification.coupled_tube import coupled_mesh, coupled_model
 
 STEPS, CYCLE, CHUNK = 12, 8, 4

@@ -12,7 +12,7 @@ from diagnosis import CATALOGUE, Record, RecordedCondition, measured
 from diagnosis.circuit import SAMPLES
 from diagnosis.measured import correlation
 from diagnosis.prediction import Situation, as_waves, n_unknowns, predict, selection, situations
-from study.folding import Folded, fold
+from study.case.folding import Folded, fold
 
 STEP = 2
 SETTINGS = (

@@ -10,7 +10,7 @@ from diagnosis import measured
 from diagnosis.circuit import FROM_SAMPLES
 from diagnosis.measured import data_of, weights, whitener_of
 from diagnosis.scatter import folded_noise
-from study.folding import Folded
+from study.case.folding import Folded
 from tests.diagnosis.records import clocked, synthetic
 
 CLOCKS = (

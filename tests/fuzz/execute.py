@@ -44,20 +44,20 @@ class Started(BaseException):
 @contextlib.contextmanager
 def stopping(steps: Sequence[str]) -> Iterator[None]:
     """Stop commands at steps whose names begin so."""
-    import study.progress
+    import study.run.progress
 
-    original = study.progress.Progress.step
+    original = study.run.progress.Progress.step
 
     def step(self, name: str) -> None:
         if "*" in steps or name.startswith(tuple(steps)):
             raise Started(name)
         original(self, name)
 
-    study.progress.Progress.step = step
+    study.run.progress.Progress.step = step
     try:
         yield
     finally:
-        study.progress.Progress.step = original
+        study.run.progress.Progress.step = original
 
 
 @contextlib.contextmanager
@@ -93,7 +93,7 @@ def captured() -> Iterator[tuple[pathlib.Path, pathlib.Path]]:
 
 def execute(argv: Sequence[str], stop: Sequence[str] = ()) -> Outcome:
     """Run a command of `jaxfsi` in this process."""
-    from study.cli import main
+    from study.cli.entry import main
 
     _forget_peak()
     already = _memory_mb("VmRSS")

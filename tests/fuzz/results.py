@@ -13,7 +13,7 @@ from tests.fuzz.records import csv, good
 from tests.fuzz.solids import good_files
 from tests.fuzz.toml_text import Tables, dumps
 
-PROGRAM = "import sys; from study.cli import main; sys.exit(main(sys.argv[1:]))"
+PROGRAM = "import sys; from study.cli.entry import main; sys.exit(main(sys.argv[1:]))"
 
 STUDIED: Tables = {
     "patient": {"id": "tube"},

@@ -6,7 +6,7 @@ import random
 from collections.abc import Iterator
 from typing import Any
 
-from study.stored_document import without_waveforms
+from study.store.stored_document import without_waveforms
 from tests.fuzz.octets import BYTE_OPERATORS
 from tests.fuzz.results import BEHIND, COMMANDS
 from tests.fuzz.stored import structured

@@ -30,7 +30,7 @@ def serve() -> None:
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)
-    import study.cli  # noqa: F401  the wait before the first command
+    import study.cli.entry  # noqa: F401  the wait before the first command
 
     print(json.dumps("ready"), file=answers, flush=True)
     for line in sys.stdin:

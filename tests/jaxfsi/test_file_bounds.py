@@ -9,8 +9,8 @@ import zlib
 import numpy as np
 import pytest
 
-from jaxfsi.anatomy.surface import surface_anatomy
-from jaxfsi.anatomy.triangles import Triangles, _merged, cleaned
+from jaxfsi.anatomy.sources.surface import surface_anatomy
+from jaxfsi.anatomy.surfaces.triangles import Triangles, _merged, cleaned
 from jaxfsi.mesh_files import MeshFileError, read_mesh, read_msh, read_vtp
 from jaxfsi.mesh_files.vtk_xml import check_xml
 

@@ -7,18 +7,18 @@ import skimage.measure
 import trimesh
 
 from jaxfsi.anatomy import Cut, SurfaceOptions, Triangles, read_triangles, surface_anatomy
-from jaxfsi.anatomy.crossings import crossing_faces
-from jaxfsi.anatomy.end_names import inlet_of, named_ends
-from jaxfsi.anatomy.flat_ends import boundary_loops, ends_of, outwards, without_caps
-from jaxfsi.anatomy.medial import medial_radius
-from jaxfsi.anatomy.surface_distance import nearest, surface_distance
-from jaxfsi.anatomy.surface_edits import (
+from jaxfsi.anatomy.surfaces.crossings import crossing_faces
+from jaxfsi.anatomy.surfaces.distance import nearest, surface_distance
+from jaxfsi.anatomy.surfaces.edits import (
     edge_lengths,
     extended_and_closed,
     refined,
     taubin_smoothed,
 )
-from jaxfsi.anatomy.triangles import cleaned, edges_of, enclosed_volume
+from jaxfsi.anatomy.surfaces.end_names import inlet_of, named_ends
+from jaxfsi.anatomy.surfaces.flat_ends import boundary_loops, ends_of, outwards, without_caps
+from jaxfsi.anatomy.surfaces.medial import medial_radius
+from jaxfsi.anatomy.surfaces.triangles import cleaned, edges_of, enclosed_volume
 
 R_AORTA, R_BRANCH, HALF, LENGTH = 1.0, 0.2, 2.0, 2.2
 STEP = 0.08

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import read_centerline, read_pullback
-from jaxfsi.anatomy.triangles import read_triangles
+from jaxfsi.anatomy.surfaces.triangles import read_triangles
 from jaxfsi.fields.npz import load_arrays
 from jaxfsi.mesh_files import MeshFileError, read_mesh, read_vtp, write_mesh, write_mesh_complete
 from jaxfsi.mesh_files.mesh_complete import read_mesh_complete

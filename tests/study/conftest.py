@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from study.cache import VARIABLE
-from study.cli import main
+from study.cli.entry import main
+from study.store.cache_folder import VARIABLE
 
 _LONGEST = 600.0
 """How long a demo run may take [s]."""

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxfsi.simulation import Record
 from lumped import Fourier, PressureSource, Vessel, connect, solve_periodic
-from study.simulation_run import Outcome
+from study.run.simulation import Outcome
 
 
 class QuickMarch:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from study.agreement import agreement
+from study.report.agreement import agreement
 
 
 def test_numbers_of_a_small_table():

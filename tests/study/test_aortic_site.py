@@ -8,7 +8,7 @@ import pytest
 from jaxfsi.anatomy import Anatomy, Centerline
 from jaxfsi.mesh import Region
 from jaxfsi.meshing import tube
-from study.aortic_site import aortic_site, cycle_offsets
+from study.run.aortic_site import aortic_site, cycle_offsets
 
 
 def _anatomy(ostium):

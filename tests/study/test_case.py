@@ -26,8 +26,8 @@ from study import (
     read_case,
     require,
 )
-from study.anatomy_tables import KINDS
-from study.case_tables import CONDITION, PLAIN, STRESS, STRESS_FACTORS, THICKNESS, WALL
+from study.case.anatomy_tables import KINDS
+from study.case.tables import CONDITION, PLAIN, STRESS, STRESS_FACTORS, THICKNESS, WALL
 
 GOOD = (pathlib.Path(__file__).parent / "good_case.toml").read_text()
 

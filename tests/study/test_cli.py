@@ -8,10 +8,10 @@ import re
 import numpy as np
 import pytest
 
-import study.commands
+import study.cli.commands
 from study import demo_case_path
-from study.arguments import alpha_range
-from study.stored_document import FORMAT, load_document
+from study.cli.arguments import alpha_range
+from study.store.stored_document import FORMAT, load_document
 
 CASE = """\
 [patient]
@@ -251,7 +251,7 @@ def test_help_has_examples(command, name):
 
 
 def test_output_into_a_file_or_the_package_is_refused(case_file, command):
-    for folder in (case_file, pathlib.Path(study.commands.__file__).parent / "data/out"):
+    for folder in (case_file, pathlib.Path(study.cli.commands.__file__).parents[1] / "data/out"):
         outcome = command("run", case_file, folder=folder)
         assert outcome.status == 2
         assert "--out" in outcome.stderr
@@ -260,7 +260,7 @@ def test_output_into_a_file_or_the_package_is_refused(case_file, command):
 def test_results_of_the_bundled_case_never_lie_beside_it(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     options = type("Options", (), {"out": None, "demo": False})()
-    assert study.commands._folder(options, demo_case_path()) == pathlib.Path("case-results")
+    assert study.cli.commands._folder(options, demo_case_path()) == pathlib.Path("case-results")
 
 
 def fail_with(error):
@@ -285,7 +285,7 @@ def test_failures_have_their_exit_status_and_keep_older_results(
     folder = case_file.parent / "small-results"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     where = "write_tree" if isinstance(error, OSError) else "run_case"
-    monkeypatch.setattr(f"study.pipeline_commands.{where}", fail_with(error))
+    monkeypatch.setattr(f"study.cli.pipeline_commands.{where}", fail_with(error))
     outcome = command("run", case_file)
     assert outcome.status == status
     assert words in outcome.stderr

@@ -5,13 +5,13 @@ import re
 
 import pytest
 
-from study.cohort import Fate, _ended, _finished, member_key, run_cohort
-from study.cohort_results import cohort_document
-from study.demo import demo_cohort_path
-from study.faults import CaseError
-from study.members import find_members
-from study.stored_document import load_document
-from study.virtual_cohort import case_text, patients
+from benchmarks.virtual_cohort import case_text, patients
+from study.case.demo import demo_cohort_path
+from study.case.faults import CaseError
+from study.report.cohort_results import cohort_document
+from study.run.cohort import Fate, _ended, _finished, member_key, run_cohort
+from study.run.members import find_members
+from study.store.stored_document import load_document
 
 CASE = """\
 [patient]
@@ -129,7 +129,7 @@ time.sleep(20.0)
 
 
 def test_interrupt_that_a_child_drops_is_sent_again(folder, tmp_path, monkeypatch):
-    monkeypatch.setattr("study.cohort._PROGRAM", _DEAF_AT_FIRST)
+    monkeypatch.setattr("study.run.cohort._PROGRAM", _DEAF_AT_FIRST)
     member = find_members(folder, tmp_path)[0]
 
     def stop(text, share, left):

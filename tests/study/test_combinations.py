@@ -6,7 +6,7 @@ import pathlib
 import pytest
 
 from study import CaseError, read_case
-from study.record_file import read_record
+from study.case.record import read_record
 
 REST = """\
 [patient]

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from study.diagnosis_report import diagnosis_report
-from study.record_file import record_files
+from study.case.record import record_files
+from study.report.diagnosis_report import diagnosis_report
 from tests.diagnosis.records import synthetic
 
 HEADINGS = (

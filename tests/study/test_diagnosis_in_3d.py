@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import study.fsi_bench as fsi_bench
+import study.run.run_3d as fsi_bench
 from diagnosis import CATALOGUE, Diagnosis, Judgement, find_effect, measured, stacked
 from diagnosis.boundary import boundary_of
 from diagnosis.diagnose import take
@@ -22,16 +22,16 @@ from diagnosis.hypothesis import numbers_of
 from diagnosis.prediction import OWN, base_circuit, situations
 from lumped import MMHG
 from study import read_case
-from study.algorithm import open_bench
-from study.boundary_run import PHASES, Drive, drive_key, drive_setup, known_difference
-from study.case import WallParameters
-from study.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d
-from study.finished_study import FinishedStudy, finished_study
-from study.fsi_bench import RunChoice
-from study.numerics import decided_by
-from study.progress import Progress
-from study.provenance import input_files, origin
-from study.record_file import record_files
+from study.case.model import WallParameters
+from study.case.record import record_files
+from study.run.algorithm import open_bench
+from study.run.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d
+from study.run.driven_beat import PHASES, Drive, drive_key, drive_setup, known_difference
+from study.run.finished_study import FinishedStudy, finished_study
+from study.run.progress import Progress
+from study.run.run_3d import RunChoice
+from study.store.numerics import decided_by
+from study.store.provenance import input_files, origin
 from tests.diagnosis.records import synthetic
 from tests.study.quick_march import QuickMarch
 

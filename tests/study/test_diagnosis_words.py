@@ -1,6 +1,6 @@
 """What a diagnosis says to people."""
 
-from study.diagnosis_words import doubts
+from study.report.diagnosis_words import doubts
 
 
 def test_no_gap_beside_something_more_probable_says_so():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib import rc_context
 
-import study.figures as figures
-from study.drawing import STYLE
+import study.report.figures as figures
+from study.report.style import STYLE
 
 
 def _document(names):

@@ -7,9 +7,9 @@ import sys
 
 import pytest
 
-from study.earlier_run import clear_run, make_way, make_way_for_page, set_aside
-from study.folder_lock import at_work
-from study.identity import identity
+from study.store.earlier_run import clear_run, make_way, make_way_for_page, set_aside
+from study.store.folder_lock import at_work
+from study.store.identity import identity
 
 
 def document_of(kind="run", command=("run", "case.toml"), sha="a" * 64, **parts):
@@ -166,7 +166,7 @@ def test_earlier_results_are_numbered_and_not_nested(tmp_path):
 
 _KILLED_AT_EACH_CALL = """
 import json, os, pathlib, shutil, sys
-from study.earlier_run import set_aside
+from study.store.earlier_run import set_aside
 
 NAMES = ["report.html", "result.json", "rest.vtu", "pictures"]
 root = pathlib.Path(sys.argv[1])

@@ -10,9 +10,9 @@ import sys
 
 import pytest
 
-from study.faults import CaseError
-from study.folder_lock import LOCK_FILE, at_work
-from study.lock_holder import HOLDER_FILE
+from study.case.faults import CaseError
+from study.store.folder_lock import LOCK_FILE, at_work
+from study.store.lock_holder import HOLDER_FILE
 
 fcntl = pytest.importorskip("fcntl", reason="this system has no such locks")
 
@@ -80,7 +80,7 @@ def _failing(monkeypatch, *errors):
             raise OSError(waiting[0], os.strerror(waiting.pop(0)))
         return flock(handle, how)
 
-    monkeypatch.setattr("study.folder_lock.fcntl.flock", fail)
+    monkeypatch.setattr("study.store.folder_lock.fcntl.flock", fail)
 
 
 def test_failing_disk_is_no_other_process(tmp_path, monkeypatch):
@@ -153,8 +153,8 @@ def test_file_that_cannot_be_judged_from_here_is_respected(tmp_path, monkeypatch
 
 _LOCK_AND_REPORT = """
 import pathlib, sys, time
-from study.faults import CaseError
-from study.folder_lock import at_work
+from study.case.faults import CaseError
+from study.store.folder_lock import at_work
 try:
     with at_work(pathlib.Path(sys.argv[1])):
         print("in", flush=True)

@@ -4,11 +4,11 @@ import pytest
 from benchmarks.blind.clocked import Clock, recording
 from benchmarks.blind.truth import aortic
 from diagnosis import circuit
-from study import folding
-from study.faults import Fault
-from study.folding import Unfoldable, fold, warped
-from study.onsets import RISE, find_upstrokes, rise_of
-from study.record_beats import FEWEST_SAMPLES, read_beats
+from study.case.faults import Fault
+from study.case.folding import Unfoldable, fold, warped
+from study.case.model import folding
+from study.case.onsets import RISE, find_upstrokes, rise_of
+from study.case.record_beats import FEWEST_SAMPLES, read_beats
 
 PERIOD = 0.67644
 N = 128

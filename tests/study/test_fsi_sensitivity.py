@@ -11,9 +11,10 @@ import pytest
 from calibration.lumen_shape import lumen_spread, lumen_surface, thickness_field
 from calibration.ratio_gradient import advance_part
 from study import read_case
-from study.case import SurrogateParameters
-from study.fsi_bench import Bench, RunChoice, RunName, setup_of
-from study.fsi_sensitivity import (
+from study.case.model import SurrogateParameters
+from study.run.progress import Progress
+from study.run.run_3d import Bench, RunChoice, RunName, setup_of
+from study.run.sensitivity import (
     Kept,
     boundary_of,
     by_parameters,
@@ -23,7 +24,6 @@ from study.fsi_sensitivity import (
     swept_gradient,
     under,
 )
-from study.progress import Progress
 
 NAME = RunName("loop", "exercise", "printed", 0.12)
 STEPS = 12

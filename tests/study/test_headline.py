@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from study.algorithm import LOOP
-from study.algorithm_results import study_readings, study_verdict
-from study.case import Condition, read_case, require
-from study.diagnosis_words import sentence
-from study.faults import CaseError
-from study.findings import notes, resistance_words, verdict
-from study.headline import Reading, chance_at_or_below, headline, headline_numbers, percent
-from study.patient import ASSUMED_R0, load_patient
-from study.pipeline import run_case
+from study.case.faults import CaseError
+from study.case.model import Condition, read_case, require
+from study.report.algorithm_results import study_readings, study_verdict
+from study.report.diagnosis_words import sentence
+from study.report.headline import Reading, chance_at_or_below, headline, headline_numbers, percent
+from study.report.remarks import notes, resistance_words, verdict
+from study.run.algorithm import LOOP
+from study.run.patient import ASSUMED_R0, load_patient
+from study.run.pipeline import run_case
 
 CASE = """\
 [patient]

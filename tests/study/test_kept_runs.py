@@ -7,14 +7,14 @@ import types
 import jinja2
 import pytest
 
-import study.fsi_bench as fsi_bench
-import study.numerics as numerics
-from study.case import read_case
-from study.fsi_bench import Bench, RunChoice, RunName, fsi_run, run_key
-from study.kept_parts import computed_parts, older_parts
-from study.mesh_cache import entry_key, mesh_key
-from study.progress import Progress
-from study.result_files import CHECKPOINT_FILE
+import study.run.run_3d as fsi_bench
+import study.store.numerics as numerics
+from study.case.model import read_case
+from study.report.kept_parts import computed_parts, older_parts
+from study.run.progress import Progress
+from study.run.run_3d import Bench, RunChoice, RunName, fsi_run, run_key
+from study.store.meshes import entry_key, mesh_key
+from study.store.result_files import CHECKPOINT_FILE
 
 NAME = RunName("curve", "rest", None, 0.5)
 
@@ -101,7 +101,7 @@ def test_document_tells_when_and_by_which_code_a_run_was_made(bench, march, monk
     part = computed_parts(bench, [NAME.folder], [])["parts"][-1]
     assert (part["part"], part["kept"]) == ("curve-rest", False)
     later = dataclasses.replace(bench, begun="2999-01-01")
-    monkeypatch.setattr("study.provenance._commit_at_start", lambda: "newer")
+    monkeypatch.setattr("study.store.provenance._commit_at_start", lambda: "newer")
     found = computed_parts(later, [NAME.folder], [])
     assert found["parts"][-1]["kept"]
     assert found["by"]["commit"] == "newer"
@@ -115,7 +115,7 @@ def test_document_tells_when_and_by_which_code_a_run_was_made(bench, march, monk
 
 def _provenance_of(computed):
     """The part of the page that tells of it."""
-    text = importlib.resources.files("study").joinpath("templates/study.html").read_text()
+    text = importlib.resources.files("study").joinpath("report/templates/study.html").read_text()
     start = text.index("{% if d.computed is defined %}")
     template = jinja2.Environment(undefined=jinja2.StrictUndefined).from_string(
         text[start : text.index("</details>", start)]

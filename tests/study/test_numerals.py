@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from study.numerals import signed, significant, span, with_sd
+from study.report.number_formats import signed, significant, span, with_sd
 
 
 @pytest.mark.parametrize(

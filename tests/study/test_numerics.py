@@ -5,9 +5,9 @@ import subprocess
 
 import pytest
 
-import study.numerics as numerics
-from study.kept_parts import older_parts
-from study.numerics_manifest import Manifest, content_digest, read_manifest, write_manifest
+import study.store.numerics as numerics
+from study.report.kept_parts import older_parts
+from study.store.numerics_manifest import Manifest, content_digest, read_manifest, write_manifest
 
 SOURCE = b'''"""A law."""
 
@@ -29,7 +29,7 @@ def law(x: float, /) -> Any:
 
 def test_every_module_is_sorted_and_every_change_decided():
     assert not numerics.unsorted(), (
-        "put these modules into a part of study/numerics.py, or into WITHOUT_NUMBERS:"
+        "put these modules into a part of study/store/numerics.py, or into WITHOUT_NUMBERS:"
         f" {', '.join(numerics.unsorted())}"
     )
     now = {part: numerics.part_digests(part) for part in numerics.PARTS}
@@ -78,7 +78,7 @@ def test_code_that_nobody_decided_on_enters_the_key_itself(monkeypatch):
     real = numerics.part_digests("march")
     seen = set()
     for digest in ("one", "two"):
-        edited = {**real, "jaxfsi/core/fluid.py": digest}
+        edited = {**real, "jaxfsi/core/laws/fluid.py": digest}
         monkeypatch.setattr(numerics, "part_digests", lambda part, edited=edited: edited)
         seen.add(numerics.version("march"))
     assert len(seen) == 2

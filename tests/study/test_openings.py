@@ -11,22 +11,22 @@ import pytest
 import skimage.measure
 import trimesh
 
-import study.fsi_bench as fsi_bench
+import study.run.run_3d as fsi_bench
 from jaxfsi.anatomy import Triangles
-from jaxfsi.anatomy.flat_ends import outwards
-from jaxfsi.anatomy.triangles import cleaned
+from jaxfsi.anatomy.surfaces.flat_ends import outwards
+from jaxfsi.anatomy.surfaces.triangles import cleaned
 from jaxfsi.mesh_files import write_mesh, write_mesh_complete
 from jaxfsi.simulation import Record
 from lumped import MMHG
-from study.anatomy_source import case_mesh
-from study.case import read_case
-from study.case_anatomy import MeshAnatomy, SurfaceAnatomy, SurfaceCut
-from study.fsi_bench import Bench, RunChoice, RunName
-from study.mesh_cache import mesh_key
-from study.openings import distal_name, inlet_name, inlet_of, is_segment
-from study.progress import Progress
-from study.ramp_run import _columns
-from study.simulation_results import cycle_means
+from study.case.anatomy import MeshAnatomy, SurfaceAnatomy, SurfaceCut
+from study.case.model import read_case
+from study.report.simulation_results import cycle_means
+from study.run.anatomy_source import case_mesh
+from study.run.openings import distal_name, inlet_name, inlet_of, is_segment
+from study.run.progress import Progress
+from study.run.ramp import _columns
+from study.run.run_3d import Bench, RunChoice, RunName
+from study.store.meshes import mesh_key
 
 NAMES = ("aorta_inlet", "aorta_outlet", "anomalous_outlet", "normal_outlet")
 LEVELS = np.array([90.0, 89.0, 77.0, 85.0])  # mmHg

@@ -9,10 +9,10 @@ import re
 import pytest
 
 from study import Progress, demo_case_path, read_case
-from study.cache import VARIABLE, cache_folder
-from study.output import OutputRefused, check_folder, write_files
-from study.provenance import input_files, provenance
-from study.stored_document import to_json
+from study.store.cache_folder import VARIABLE, cache_folder
+from study.store.output import OutputRefused, check_folder, write_files
+from study.store.provenance import input_files, provenance
+from study.store.stored_document import to_json
 
 
 def content(folder: pathlib.Path) -> dict[str, str]:

@@ -4,14 +4,14 @@ import jax
 import numpy as np
 import pytest
 
-from jaxfsi.core.stepper import prepare
-from jaxfsi.core.stepping import RESULTS
+from jaxfsi.core.step.step import RESULTS
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.meshing import build_mesh
 from jaxfsi.verification.volume_balance import keep_books, volume_errors, wet_wall
 from lumped.units import MMHG
 from study import demo_case_path, read_case
-from study.anatomy_source import case_anatomy
-from study.simulation_case import plan_steps, prepare_simulation
+from study.run.anatomy_source import case_anatomy
+from study.run.setup import plan_steps, prepare_simulation
 
 pytestmark = pytest.mark.slow  # five minutes: a mesh, a prestress and 440 steps
 

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from study.progress import Progress
+from study.run.progress import Progress
 
 
 class _Clock:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis import diagnose, measured, noise_of, stacked
-from study.diagnosis_run import with_case
-from study.faults import CaseError
-from study.record_file import read_record, record_files
-from study.stored_document import FORMAT
+from study.case.faults import CaseError
+from study.case.record import read_record, record_files
+from study.run.diagnosis import with_case
+from study.store.stored_document import FORMAT
 from tests.diagnosis.records import synthetic
 from tests.study.damage import damaged
 

@@ -7,15 +7,15 @@ import tomllib
 import pytest
 
 from lumped.units import MMHG_S_PER_ML
-from study.case import read_case
-from study.diagnosis_run import with_case
-from study.faults import CaseError
-from study.losses_table import LOSS_KEYS
-from study.record_file import read_record
-from study.record_tables import CONDITION, NOISE
-from study.record_template import example_traces, record_template
-from study.schema import Quantity, spellings
-from study.template import case_template
+from study.case.faults import CaseError
+from study.case.losses_table import LOSS_KEYS
+from study.case.model import read_case
+from study.case.record import read_record
+from study.case.record_tables import CONDITION, NOISE
+from study.case.record_template import example_traces, record_template
+from study.case.schema import Quantity, spellings
+from study.case.template import case_template
+from study.run.diagnosis import with_case
 
 NEW = """\
 [patient]

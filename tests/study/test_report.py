@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from study.report import html_report
-from study.stored_document import load_document
-from study.summary import summary
+from study.report.page import html_report
+from study.report.summary import summary
+from study.store.stored_document import load_document
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ import types
 import numpy as np
 import pytest
 
-import study.simulation_run as simulation_run
+import study.run.simulation as simulation_run
 from jaxfsi.simulation import Glimpse, Record
-from study.simulation_case import Schedule
-from study.simulation_run import write_history
+from study.run.setup import Schedule
+from study.run.simulation import write_history
 
 NAMES = ("aorta_inlet", "outer_wall", "anomalous_outlet")
 

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 import trimesh
 
-import study.mesh_case as mesh_case
-import study.simulate_command as simulate_command
+import study.cli.simulate_command as simulate_command
+import study.run.mesh as mesh_case
 from lumped import Constant, Coronary
-from study.case import read_case
-from study.opening_checks import names_segment
-from study.outlet_shares import opening_area, outlet_shares, share_of
-from study.simulation_case import check_simulation, plan_steps
-from study.simulation_run import march_seconds
+from study.case.model import read_case
+from study.run.opening_checks import names_segment
+from study.run.outlet_shares import opening_area, outlet_shares, share_of
+from study.run.setup import check_simulation, plan_steps
+from study.run.simulation import march_seconds
 
 OPENINGS = "inlet = [0.0, 0.0, 0.0]\noutlet = [0.0, 0.0, 12.0]\n"
 CASE = """\

@@ -11,21 +11,21 @@ import pytest
 import pyvista as pv
 
 import jaxfsi.simulation.simulation as simulation
-import study.mesh_case as mesh_case
-import study.simulation_run as simulation_run
+import study.run.mesh as mesh_case
+import study.run.simulation as simulation_run
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from lumped import MMHG
 from study import CaseError, read_case
-from study.anatomy_source import case_mesh
-from study.case import WindkesselParameters
-from study.earlier_run import clear_run
-from study.opening_checks import check_openings
-from study.simulation_case import (
+from study.case.model import WindkesselParameters
+from study.run.anatomy_source import case_mesh
+from study.run.opening_checks import check_openings
+from study.run.setup import (
     check_simulation,
     plan_steps,
     prepare_simulation,
 )
+from study.store.earlier_run import clear_run
 
 CASE = """\
 [patient]

@@ -5,8 +5,8 @@ import pathlib
 import numpy as np
 import pytest
 
-import study.numerics as numerics
-from study.stages import Stages, stage_key
+import study.store.numerics as numerics
+from study.store.stages import Stages, stage_key
 
 
 def test_value_is_computed_once_and_again_for_other_inputs(tmp_path):

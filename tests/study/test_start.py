@@ -17,7 +17,7 @@ def _python(program: str, *arguments: object) -> subprocess.CompletedProcess[str
 
 _IMPORTED = f"""
 import sys
-from study.cli import main
+from study.cli.entry import main
 status = main(sys.argv[1:])
 print(status, [name for name in {HEAVY} if name in sys.modules], file=sys.stderr)
 """
@@ -55,7 +55,7 @@ import importlib, os, signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores some
 for name in ("SIGTERM", "SIGHUP"):
     signal.signal(getattr(signal, name), signal.SIG_DFL)
-import study.cli as cli
+import study.cli.entry as cli
 
 number, times, early = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3] == "early"
 
@@ -74,7 +74,7 @@ class Commands:
             print("ended in order", file=sys.stderr)
             return cli.INTERRUPTED
 
-sys.modules["study.commands"] = Commands
+sys.modules["study.cli.commands"] = Commands
 sys.exit(cli.main())
 """
 
@@ -95,7 +95,7 @@ import os, signal, sys, time, weakref
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores some
 for name in ("SIGTERM", "SIGHUP"):
     signal.signal(getattr(signal, name), signal.SIG_DFL)
-import study.cli as cli
+import study.cli.entry as cli
 
 class Thing:
     pass
@@ -113,7 +113,7 @@ class Commands:
             return cli.INTERRUPTED
         return 0
 
-sys.modules["study.commands"] = Commands
+sys.modules["study.cli.commands"] = Commands
 sys.exit(cli.main())
 """
 
@@ -126,15 +126,15 @@ def test_interrupt_that_python_drops_in_a_callback_is_raised_again():
 
 def test_command_lets_xla_log_nothing_but_what_ends_it(monkeypatch):
     monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
-    program = "import os, study.cli; study.cli.main(['template']); print(os.environ)"
+    program = "import os, study.cli.entry; study.cli.entry.main(['template']); print(os.environ)"
     assert "'TF_CPP_MIN_LOG_LEVEL': '3'" in _python(program).stdout
     monkeypatch.setenv("TF_CPP_MIN_LOG_LEVEL", "0")
     assert "'TF_CPP_MIN_LOG_LEVEL': '0'" in _python(program).stdout
 
 
 _ALARMING = """
-import study.cli
-study.cli.main(["template"])
+import study.cli.entry
+study.cli.entry.main(["template"])
 import jax, numpy as np
 values = np.arange(1500.0)
 n = len(values)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from study.stored_document import load_document
+from study.store.stored_document import load_document
 
 STORED = pathlib.Path(__file__).with_name("stored")
 
@@ -154,6 +154,7 @@ def test_document_damaged_in_every_way(kind, command, tmp_path):
         (b'{"a": [0, {"b": NaN}]}', "a[1].b is a number that no result holds"),
         (b'{"a": {"P_mmHg": [1.0, "x"]}}', "a.P_mmHg is to hold numbers"),
         (b'{"runs": [{"ffr": true}]}', "runs[0].ffr is to hold numbers"),
+        (b'{"mean_P_distal_mmHg": {"x": 1.0}}', "mean_P_distal_mmHg is to hold numbers"),
         (b'{"runs": [{"alpha": {"x": 1}}]}', "runs[0].alpha is to hold numbers"),
         (b'{"a": {"rest_ratio": 2.5}}', "a.rest_ratio is a number that no result holds"),
         (b'{"mean_P_aorta_mmHg": -7777}', "mean_P_aorta_mmHg is a number that no result holds"),

@@ -10,13 +10,13 @@ import jax
 import numpy as np
 import pytest
 
-import study.algorithm_command as algorithm_command
-import study.fsi_bench as fsi_bench
-import study.mesh_case as mesh_case
+import study.cli.algorithm_command as algorithm_command
+import study.run.mesh as mesh_case
+import study.run.run_3d as fsi_bench
 from calibration import RATIO_TOLERANCE
 from jaxfsi.simulation import Record
 from lumped import MMHG, PressureSource, Shooting, Vessel, connect, solve_periodic
-from study.simulation_run import Outcome
+from study.run.simulation import Outcome
 
 A, B = 500.0, 1200.0  # of the ramp
 MORE = 1.25  # the loss of a beating artery over that of the ramp

@@ -8,11 +8,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from study import CaseError, mesh_case, read_case
-from study.faults import Fault
-from study.onsets import find_upstrokes
-from study.progress import Progress
-from study.record_beats import read_beats
+from study import CaseError, read_case
+from study.case.faults import Fault
+from study.case.onsets import find_upstrokes
+from study.case.record_beats import read_beats
+from study.run import mesh as mesh_case
+from study.run.progress import Progress
 from tests.study import tube_case
 
 HEAD = '[patient]\nid = "a"\n'

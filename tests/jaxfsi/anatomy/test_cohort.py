@@ -13,7 +13,7 @@ from jaxfsi.anatomy import (
     sample_measures,
     synthetic_anatomy,
 )
-from jaxfsi.anatomy.cohort import (
+from jaxfsi.anatomy.sources.cohort import (
     N_PUBLISHED,
     Published,
     ellipse_perimeter,

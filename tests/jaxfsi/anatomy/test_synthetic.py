@@ -19,7 +19,7 @@ from jaxfsi.anatomy import (
     synthetic_vessels,
     tube_foot,
 )
-from jaxfsi.anatomy.parameters import approach, shortest_intramural_length
+from jaxfsi.anatomy.sources.parameters import approach, shortest_intramural_length
 
 # take-off [deg], length [cm], ellipticity, hypoplasia, septum [cm], reference radius [cm]
 CORNERS = [

@@ -4,16 +4,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.bowed_interface import bowed_flux, bowed_load
-from jaxfsi.core.elements import area_vectors
-from jaxfsi.core.equations import Unknowns, begin_step, residual
-from jaxfsi.core.generalized_alpha import generalized_alpha
-from jaxfsi.core.materials import LinearElastic
-from jaxfsi.core.model import build_model
-from jaxfsi.core.ports import PressurePort
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.statics import Loads, load_forces, pressure_load
+from jaxfsi.core.elements.linear import area_vectors
+from jaxfsi.core.laws.interface import bowed_flux, bowed_load
+from jaxfsi.core.laws.materials import LinearElastic
+from jaxfsi.core.laws.ports import PressurePort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.statics.equilibrium import Loads, load_forces, pressure_load
+from jaxfsi.core.step.equations import Unknowns, begin_step, residual
+from jaxfsi.core.step.generalized_alpha import generalized_alpha
+from jaxfsi.core.step.model import build_model
+from jaxfsi.core.step.state import initial_state
 from jaxfsi.mesh import OUTER_WALL
 from jaxfsi.meshing import tube
 from lumped.waveforms import Constant

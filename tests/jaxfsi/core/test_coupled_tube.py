@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.equations import Unknowns, begin_step, extrapolated, renewed, residual
-from jaxfsi.core.march import march
-from jaxfsi.core.model import build_model
-from jaxfsi.core.ports import BlockPort, FlowPort, PressurePort
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepper import prepare
-from jaxfsi.core.stepping import RESULTS, advance_step
+from jaxfsi.core.laws.ports import BlockPort, FlowPort, PressurePort
+from jaxfsi.core.step.equations import Unknowns, begin_step, extrapolated, renewed, residual
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import build_model
+from jaxfsi.core.step.state import initial_state
+from jaxfsi.core.step.step import RESULTS, advance_step
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.verification.coupled_tube import (
     PERIOD,
     TubeParameters,

@@ -4,8 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.assembly import assembled, host_geometry, isotropic_stiffness, stiffness
-from jaxfsi.core.elements import area_vectors, face_load, flux, geometry, gradient, scatter
+from jaxfsi.core.elements.assembly import assembled, host_geometry, isotropic_stiffness, stiffness
+from jaxfsi.core.elements.linear import area_vectors, face_load, flux, geometry, gradient, scatter
 from jaxfsi.mesh import Mesh
 from jaxfsi.meshing import tube
 

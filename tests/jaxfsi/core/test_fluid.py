@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements import Geometry, area_vectors, face_load, geometry
-from jaxfsi.core.fluid import Blood, fluid_residual, frozen, shear_rate, velocity_gradient
-from jaxfsi.core.viscosity import CarreauYasuda, Newtonian
+from jaxfsi.core.elements.linear import Geometry, area_vectors, face_load, geometry
+from jaxfsi.core.laws.fluid import Blood, fluid_residual, frozen, shear_rate, velocity_gradient
+from jaxfsi.core.laws.viscosity import CarreauYasuda, Newtonian
 from jaxfsi.meshing import tube
 
 DT = 1e-3

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.generalized_alpha import GeneralizedAlpha, generalized_alpha
+from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
 
 DAMPINGS = [0.0, 0.5, 1.0]
 

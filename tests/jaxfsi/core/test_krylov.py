@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.krylov import fgmres
+from jaxfsi.core.solve.krylov import fgmres
 
 N = 40
 

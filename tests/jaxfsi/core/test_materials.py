@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
+from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
 from jaxfsi.verification import ENERGIES, MATERIALS
 
 materials = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)

@@ -4,12 +4,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.elements import geometry
-from jaxfsi.core.materials import SaintVenantKirchhoff
-from jaxfsi.core.mesh_motion import mesh_displacement, mesh_motion
-from jaxfsi.core.model import build_model
-from jaxfsi.core.ports import PressurePort
-from jaxfsi.core.solid import Wall
+from jaxfsi.core.elements.linear import geometry
+from jaxfsi.core.laws.materials import SaintVenantKirchhoff
+from jaxfsi.core.laws.mesh_motion import mesh_displacement, mesh_motion
+from jaxfsi.core.laws.ports import PressurePort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.step.model import build_model
 from jaxfsi.meshing import tube
 from lumped.waveforms import Constant
 

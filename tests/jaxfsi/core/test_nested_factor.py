@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from jaxfsi.core.nested_factor import LEAF, nested_factor, nested_solve, nested_solve_once
+from jaxfsi.core.solve.nested_factor import LEAF, nested_factor, nested_solve, nested_solve_once
 
 
 def _graph(rng: np.random.Generator, n: int, reach: int, gaps: tuple[int, ...] = ()) -> np.ndarray:

@@ -6,13 +6,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.equations import Unknowns, begin_step, renewed, residual
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.generalized_alpha import generalized_alpha
-from jaxfsi.core.materials import LinearElastic, NeoHookean
-from jaxfsi.core.mesh_motion import mesh_motion
-from jaxfsi.core.model import build_model
-from jaxfsi.core.operator import (
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.materials import LinearElastic, NeoHookean
+from jaxfsi.core.laws.mesh_motion import mesh_motion
+from jaxfsi.core.laws.ports import BlockPort, FlowPort, PressurePort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.viscosity import CarreauYasuda, Newtonian
+from jaxfsi.core.solve.preconditioner import (
+    precondition,
+    precondition_transposed,
+    preconditioner,
+    with_blood,
+)
+from jaxfsi.core.solve.tangent import (
     apply_elements,
     apply_step,
     assemble_step,
@@ -20,16 +26,10 @@ from jaxfsi.core.operator import (
     fluid_pattern,
     step_tangent,
 )
-from jaxfsi.core.ports import BlockPort, FlowPort, PressurePort
-from jaxfsi.core.preconditioner import (
-    precondition,
-    precondition_transposed,
-    preconditioner,
-    with_blood,
-)
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.viscosity import CarreauYasuda, Newtonian
+from jaxfsi.core.step.equations import Unknowns, begin_step, renewed, residual
+from jaxfsi.core.step.generalized_alpha import generalized_alpha
+from jaxfsi.core.step.model import build_model
+from jaxfsi.core.step.state import initial_state
 from jaxfsi.meshing import ring, tube
 from lumped.blocks import RCR
 from lumped.waveforms import Constant

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.elements import flux
-from jaxfsi.core.profile import unit_flow_profile
+from jaxfsi.core.elements.linear import flux
+from jaxfsi.core.laws.profile import unit_flow_profile
 from jaxfsi.meshing import elliptic, tube
 
 RADIUS = 0.5

@@ -5,17 +5,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.elements import geometry
-from jaxfsi.core.materials import LinearElastic, NeoHookean
-from jaxfsi.core.quadratic import FAR, NEAR, QuadraticElement, numbered_edges
-from jaxfsi.core.solid import (
+from jaxfsi.core.elements.linear import geometry
+from jaxfsi.core.elements.quadratic import FAR, NEAR, QuadraticElement, numbered_edges
+from jaxfsi.core.elements.wall import LinearElement, Weights
+from jaxfsi.core.laws.materials import LinearElastic, NeoHookean
+from jaxfsi.core.laws.solid import (
     Wall,
     cauchy_stress,
     deformation_gradients,
     solid_residual,
 )
-from jaxfsi.core.wall_elements import LinearElement, Weights
-from jaxfsi.core.wall_tangent import apply_wall, wall_tangent
+from jaxfsi.core.solve.wall_tangent import apply_wall, wall_tangent
 from jaxfsi.meshing import strip
 from jaxfsi.verification import ENERGIES, MATERIALS, VOLUME_ENERGIES
 

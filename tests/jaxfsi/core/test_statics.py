@@ -5,20 +5,20 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from jaxfsi.core.march import march
-from jaxfsi.core.materials import NeoHookean
-from jaxfsi.core.model import build_model
-from jaxfsi.core.prestress import prestressed
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.statics import (
+from jaxfsi.core.laws.materials import NeoHookean
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.statics.equilibrium import (
     RESULTS,
     Loads,
     equilibrium,
     pressure_load,
     static_factor,
 )
-from jaxfsi.core.stepper import prepare
+from jaxfsi.core.statics.prestress import prestressed
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.model import build_model
+from jaxfsi.core.step.state import initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import INTERFACE
 from jaxfsi.meshing import ring
 from jaxfsi.verification import (

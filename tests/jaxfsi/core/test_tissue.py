@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from jaxfsi import INTERFACE, OUTER_WALL
-from jaxfsi.core.materials import SaintVenantKirchhoff
-from jaxfsi.core.model import build_model
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.statics import Loads, equilibrium, pressure_load, static_factor
-from jaxfsi.core.tissue import tissue_force
+from jaxfsi.core.laws.materials import SaintVenantKirchhoff
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.tissue import tissue_force
+from jaxfsi.core.statics.equilibrium import Loads, equilibrium, pressure_load, static_factor
+from jaxfsi.core.step.model import build_model
 from jaxfsi.meshing import ring
 
 P = 1e3

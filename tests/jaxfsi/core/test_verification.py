@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.elements import flux
-from jaxfsi.core.equations import held_velocity
-from jaxfsi.core.model import build_model
-from jaxfsi.core.ports import FlowPort, VelocityPort
+from jaxfsi.core.elements.linear import flux
+from jaxfsi.core.laws.ports import FlowPort, VelocityPort
+from jaxfsi.core.step.equations import held_velocity
+from jaxfsi.core.step.model import build_model
 from jaxfsi.meshing import tube
 from jaxfsi.verification.derivatives import compare_along, compare_each, steps_of
 from jaxfsi.verification.elastic_tube import ElasticTube, measured_wave_number

@@ -6,8 +6,8 @@ import pytest
 from scipy.spatial import KDTree
 
 from jaxfsi import reordered
-from jaxfsi.core.state import initial_state
-from jaxfsi.core.stepper import prepare
+from jaxfsi.core.step.state import initial_state
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh_files import read_vtu
 from jaxfsi.verification import (
     channel_cylinder,

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.fluid import Blood
-from jaxfsi.core.viscosity import Newtonian
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.viscosity import Newtonian
 from jaxfsi.fields import wall_gradient, wall_normals, wall_patches, wall_shear
 from jaxfsi.mesh import Region, tet_volumes
 from jaxfsi.meshing import tube

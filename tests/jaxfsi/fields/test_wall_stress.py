@@ -3,10 +3,10 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxfsi.core.elements import geometry
-from jaxfsi.core.materials import NeoHookean
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.wall_elements import LinearElement
+from jaxfsi.core.elements.linear import geometry
+from jaxfsi.core.elements.wall import LinearElement
+from jaxfsi.core.laws.materials import NeoHookean
+from jaxfsi.core.laws.solid import Wall
 from jaxfsi.fields import wall_stress
 from jaxfsi.meshing import ring
 

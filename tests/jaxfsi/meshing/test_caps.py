@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import Opening
-from jaxfsi.meshing.caps import annulus, disc
 from jaxfsi.meshing.isolate import MeshingError
-from jaxfsi.meshing.projection import triangle_normals, triangle_qualities
-from jaxfsi.meshing.sizes import SizeField, grown_field
+from jaxfsi.meshing.surface.caps import annulus, disc
+from jaxfsi.meshing.surface.projection import triangle_normals, triangle_qualities
+from jaxfsi.meshing.surface.sizes import SizeField, grown_field
 
 NORMAL = np.array([1.0, 2.0, 2.0]) / 3.0
 OPENING = Opening("outlet", np.array([0.3, -0.2, 0.1]), NORMAL, 1.0)

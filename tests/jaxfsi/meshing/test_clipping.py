@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import Opening
-from jaxfsi.meshing.clipping import clip, find_loops, flatten_loops, on_planes
-from jaxfsi.meshing.isosurface import Surface
-from jaxfsi.meshing.surface_topology import surface_topology
+from jaxfsi.meshing.surface.clipping import clip, find_loops, flatten_loops, on_planes
+from jaxfsi.meshing.surface.isosurface import Surface
+from jaxfsi.meshing.surface.topology import surface_topology
 
 UP = np.array([0.0, 0.0, 1.0])
 

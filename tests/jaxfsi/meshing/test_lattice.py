@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import Anatomy
-from jaxfsi.meshing.isosurface import extract_surface
-from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
-from jaxfsi.meshing.surface_topology import surface_topology
+from jaxfsi.meshing.surface.isosurface import extract_surface
+from jaxfsi.meshing.surface.topology import surface_topology
+from jaxfsi.meshing.volume.lattice import LatticeSettings, sample_lattice
 
 
 def balls(*centres: float, radius: float, wall: float = 0.1, box: float = 1.5) -> Anatomy:

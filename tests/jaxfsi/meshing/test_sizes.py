@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from jaxfsi.meshing.isosurface import extract_surface
-from jaxfsi.meshing.lattice import LatticeSettings, sample_lattice
-from jaxfsi.meshing.sizes import (
+from jaxfsi.meshing.surface.isosurface import extract_surface
+from jaxfsi.meshing.surface.sizes import (
     SurfaceSamples,
     choose_sizes,
     grown_field,
@@ -12,6 +11,7 @@ from jaxfsi.meshing.sizes import (
     size_at,
     solid_depth,
 )
+from jaxfsi.meshing.volume.lattice import LatticeSettings, sample_lattice
 
 
 @pytest.fixture(scope="module")

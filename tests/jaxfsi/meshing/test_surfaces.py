@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxfsi.meshing.intersections import crossing_triangles
-from jaxfsi.meshing.isosurface import Surface
-from jaxfsi.meshing.projection import (
+from jaxfsi.meshing.surface.intersections import crossing_triangles
+from jaxfsi.meshing.surface.isosurface import Surface
+from jaxfsi.meshing.surface.projection import (
     balance,
     gradients,
     guarded_move,

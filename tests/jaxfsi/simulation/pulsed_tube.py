@@ -11,11 +11,11 @@ import jax
 import numpy as np
 
 from jaxfsi import Mesh
-from jaxfsi.core.materials import SaintVenantKirchhoff
-from jaxfsi.core.model import Model, build_model
-from jaxfsi.core.ports import BlockPort, PressurePort
-from jaxfsi.core.solid import Wall
-from jaxfsi.core.state import State, initial_state
+from jaxfsi.core.laws.materials import SaintVenantKirchhoff
+from jaxfsi.core.laws.ports import BlockPort, PressurePort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.state import State, initial_state
 from jaxfsi.meshing import tube
 from jaxfsi.simulation import FieldSeries, ShearCycle, SolverChoice, simulate, write_csv
 from lumped.blocks import RCR

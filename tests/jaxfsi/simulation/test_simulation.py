@@ -10,8 +10,8 @@ import pytest
 import pyvista as pv
 
 import jaxfsi.simulation.simulation as simulation
-from jaxfsi.core.march import march
-from jaxfsi.core.stepper import prepare
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.stepper import prepare
 from jaxfsi.simulation import (
     CheckpointError,
     FieldSeries,

@@ -1,0 +1,1 @@
+"""Curves in space, and sections along them."""

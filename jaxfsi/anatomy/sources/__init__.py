@@ -1,0 +1,1 @@
+"""Anatomies from images, surfaces, published cohorts and parameters."""

@@ -1,0 +1,1 @@
+"""Triangle surfaces: reading, distance, edits, flat ends, crossings."""

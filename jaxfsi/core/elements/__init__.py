@@ -1,0 +1,1 @@
+"""Tetrahedra of blood and wall, and their assembly."""

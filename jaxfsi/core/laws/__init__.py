@@ -1,0 +1,1 @@
+"""Balances and constitutive laws: blood, wall, boundaries, motion of the mesh."""

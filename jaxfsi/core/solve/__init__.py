@@ -1,0 +1,1 @@
+"""Newton's method, the tangent, and the preconditioned Krylov solver."""

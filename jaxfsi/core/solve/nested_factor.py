@@ -1,0 +1,339 @@
+"""Direct solution with a sparse symmetric matrix by nested dissection: batched dense products.
+
+The nodes of the matrix's graph are cut in two by a small separator, each half again, and so on;
+what is left at the end are the leaves of a binary tree. A front k holds the unknowns s_k of its
+separator or leaf and couples them to the unknowns b_k of the separators above it. Eliminated from
+the leaves to the root (multifrontal method)::
+
+    F_k = A on (s_k, b_k) + Σ_children Schur complement,   D_k = F_ss⁻¹,   W_k = F_bs D_k
+    down the matrix:  y_b −= W_k y_s        up again:  x_s = D_k y_s − W_kᵀ x_b
+
+The fronts of one depth do not depend on each other, so that a solution is some twenty batched
+products of dense matrices: it runs on any device, can be batched, and in single precision serves as
+a preconditioner. Fronts of one depth are sorted into a few batches of similar size and padded.
+
+Measured on the wall of the real patient's coarse mesh (13 341 unknowns) with leaves of 60: 3.6
+million numbers; SuperLU with minimum degree has 2.4 million nonzeros. A block tridiagonal factor
+over the levels of a breadth-first search has 58 million there and takes fourteen times as long.
+Larger leaves hold more numbers in fewer products: as fast, and compiled in a third of the time.
+
+Source: George 1973, SIAM J. Numer. Anal. 10:345; Duff & Reid 1983, ACM Trans. Math. Softw. 9:302.
+"""
+
+import itertools
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Array, Float, Int
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from jaxfsi.core.elements.linear import IN_BOUNDS, gathered
+
+LEAF = 200
+"""Unknowns that are not dissected further."""
+
+N_CUTS = 32
+"""Places at which the fronts of one depth may be cut into batches."""
+
+BATCH_COST = 400_000
+"""Numbers that may be padded to save a batch: its dozen small operations take as long as to read
+them, on two cores."""
+
+
+class Batch(eqx.Module):
+    """Fronts of one depth, padded to a common size.
+
+    Attributes:
+        own: unknowns s of each front; one beyond the last where there is none.
+        above: unknowns b of each front, likewise.
+        inverse: D of each front.
+        coupling: W of each front.
+    """
+
+    own: Int[Array, "fronts own"]
+    above: Int[Array, "fronts above"]
+    inverse: Float[Array, "fronts own own"]
+    coupling: Float[Array, "fronts above own"]
+
+
+class NestedFactor(eqx.Module):
+    """Factor of a matrix.
+
+    Attributes:
+        levels: batches of each depth, the deepest first.
+        n_unknowns: size of the matrix (static).
+    """
+
+    levels: tuple[tuple[Batch, ...], ...]
+    n_unknowns: int = eqx.field(static=True)
+
+    @property
+    def batches(self) -> list[Batch]:
+        """Batches of all levels."""
+        return [batch for level in self.levels for batch in level]
+
+    @property
+    def n_numbers(self) -> int:
+        """Numbers that are read in one solution, padding included."""
+        return sum(b.inverse.size + 2 * b.coupling.size for b in self.batches)
+
+
+class _Front(NamedTuple):
+    """Place in the tree: own nodes, index of the front above (−1 at the root), and depth."""
+
+    nodes: Int[np.ndarray, " own"]
+    parent: int
+    depth: int
+
+
+class _Dense(NamedTuple):
+    """Eliminated front: depth, unknowns s and b, D and W."""
+
+    depth: int
+    own: Int[np.ndarray, " own"]
+    above: Int[np.ndarray, " above"]
+    inverse: Float[np.ndarray, "own own"]
+    coupling: Float[np.ndarray, "above own"]
+
+
+def nested_factor(
+    matrix: sp.csr_matrix,
+    *,
+    block: int = 1,
+    points: Float[np.ndarray, "nodes 3"] | None = None,
+    dtype: type = np.float64,
+) -> NestedFactor:
+    """Factor a symmetric matrix.
+
+    Args:
+        matrix: symmetric, with ``block`` unknowns in a row for each node.
+        block: unknowns a node.
+        points: positions of the nodes; with them better cuts are found.
+        dtype: precision in which the factor is kept.
+
+    Raises:
+        ValueError: a front cannot be inverted.
+    """
+    matrix = sp.csr_matrix(matrix)
+    n_unknowns = matrix.indptr.size - 1
+    entries = matrix.tocoo()
+    graph = sp.csr_matrix(
+        (np.ones(entries.nnz), (entries.row // block, entries.col // block)),
+        shape=(n_unknowns // block,) * 2,
+    )
+    tree = _dissection(graph, points, LEAF // block)
+    # kept in the wanted precision from the start: in double precision they are most of the memory
+    fronts = [
+        f._replace(inverse=f.inverse.astype(dtype), coupling=f.coupling.astype(dtype))
+        for f in _eliminated(matrix, graph, tree, block)
+    ]
+    levels = []
+    for depth in range(max((f.depth for f in fronts), default=-1), -1, -1):
+        level = [f for f in fronts if f.depth == depth and len(f.own)]
+        if level:
+            levels.append(tuple(_batch(group, n_unknowns, dtype) for group in _grouped(level)))
+    return NestedFactor(tuple(levels), n_unknowns)
+
+
+def _dissection(
+    graph: sp.csr_matrix, points: Float[np.ndarray, "nodes 3"] | None, leaf: int
+) -> list[_Front]:
+    """Tree of separators and leaves, each front after the one above it."""
+    fronts, waiting = [], [(np.arange(graph.indptr.size - 1), -1, 0)]
+    while waiting:
+        nodes, parent, depth = waiting.pop()
+        if not len(nodes):
+            continue
+        if len(nodes) <= leaf:
+            fronts.append(_Front(nodes, parent, depth))
+            continue
+        part = graph[nodes][:, nodes]
+        separator, *halves = _bisection(part, None if points is None else points[nodes])
+        fronts.append(_Front(nodes[separator], parent, depth))
+        waiting += [(nodes[half], len(fronts) - 1, depth + 1) for half in halves]
+    return fronts
+
+
+def _bisection(
+    graph: sp.csr_matrix, points: Float[np.ndarray, "nodes 3"] | None
+) -> tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"], Int[np.ndarray, " _"]]:
+    """Separator and the two parts that it parts, the cheapest of those along several orders.
+
+    Along an order, the nodes before a cut that have a neighbour behind it separate the rest.
+    """
+    entries = graph.tocoo()
+    n = graph.indptr.size - 1
+    least = np.inf
+    separates = before = np.zeros(n, bool)
+    for order in _orders(graph, points):
+        rank = np.empty(n, int)
+        rank[order] = np.arange(n)
+        far = rank.copy()
+        np.maximum.at(far, entries.row, rank[entries.col])
+        # node i separates at the cuts rank_i < cut <= far_i
+        change = np.bincount(rank + 1, minlength=n + 2) - np.bincount(far + 1, minlength=n + 2)
+        size = np.cumsum(change)
+        cuts = np.arange(int(0.3 * n), int(0.7 * n) + 1)
+        skewness = np.abs(cuts / n - 0.5)
+        cost = size[cuts] * (1.0 + 1.5 * skewness) + 0.02 * n * skewness
+        k = int(np.argmin(cost))
+        if cost[k] < least:
+            least, before = cost[k], rank < cuts[k]
+            separates = before & (far >= cuts[k])
+    first = np.flatnonzero(before & ~separates)
+    return np.flatnonzero(separates), first, np.flatnonzero(~before)
+
+
+def _orders(
+    graph: sp.csr_matrix, points: Float[np.ndarray, "nodes 3"] | None
+) -> Iterator[Int[np.ndarray, " nodes"]]:
+    """Orders of the nodes to cut: from a far end through the graph, and along principal axes."""
+    _, component = connected_components(graph, directed=False)
+    start = np.unique(component, return_index=True)[1]
+    distance = np.zeros(len(component))
+    for _ in range(3):  # each search starts where the last one ended
+        distance = dijkstra(graph, indices=start, unweighted=True, min_only=True)
+        order = np.lexsort((-distance, component))
+        start = order[np.unique(component[order], return_index=True)[1]]
+    yield np.lexsort((distance, component))
+    if points is not None:
+        centred = points - np.mean(points, axis=0)
+        _, axes = np.linalg.eigh(centred.T @ centred)
+        for axis in axes.T:
+            yield np.argsort(centred @ axis)
+
+
+def _eliminated(
+    matrix: sp.csr_matrix, graph: sp.csr_matrix, tree: list[_Front], block: int
+) -> Iterator[_Dense]:
+    """Eliminate the fronts from the last to the first."""
+    n_unknowns = matrix.indptr.size - 1
+    owner, place = np.empty(n_unknowns // block, int), np.full(n_unknowns, -1)
+    children: list[list[int]] = [[] for _ in tree]
+    for k, front in enumerate(tree):
+        owner[front.nodes] = k
+        if front.parent >= 0:
+            children[front.parent].append(k)
+    schur: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def unknowns(nodes: Int[np.ndarray, " _"]) -> Int[np.ndarray, " _"]:
+        return (block * nodes[:, None] + np.arange(block)).ravel()
+
+    for k in range(len(tree) - 1, -1, -1):
+        below = [schur.pop(child) for child in children[k]]
+        reached = np.concatenate([graph[tree[k].nodes].indices, *(nodes for nodes, _ in below)])
+        near = np.unique(reached)
+        above = near[owner[near] < k]
+        own_unknowns, above_unknowns = unknowns(tree[k].nodes), unknowns(above)
+        n_own = len(own_unknowns)
+        both = np.concatenate([own_unknowns, above_unknowns])
+        place[both] = np.arange(len(both))
+        F = np.zeros((len(both), len(both)))
+        rows = matrix[own_unknowns].tocoo()
+        column = place[rows.col]
+        known = column >= 0
+        F[rows.row[known], column[known]] = rows.data[known]
+        F[column[known], rows.row[known]] = rows.data[known]
+        for nodes, complement in below:
+            there = place[unknowns(nodes)]
+            F[there[:, None], there] += complement
+        place[both] = -1
+        try:
+            inverse = np.linalg.inv(F[:n_own, :n_own])
+        except np.linalg.LinAlgError as error:
+            raise ValueError(
+                f"unknown {own_unknowns[0]} of the matrix and those around it cannot be"
+                " eliminated; fix enough nodes of the model"
+            ) from error
+        W = F[n_own:, :n_own] @ inverse
+        schur[k] = above, F[n_own:, n_own:] - W @ F[:n_own, n_own:]
+        yield _Dense(tree[k].depth, own_unknowns, above_unknowns, inverse, W)
+
+
+def _grouped(level: list[_Dense]) -> list[list[_Dense]]:
+    """Fronts of one depth in batches with little padding: the best cuts of their order by size."""
+    level = sorted(level, key=lambda f: len(f.own) * (len(f.own) + 2 * len(f.above)))
+    own = np.array([len(f.own) for f in level], int)
+    above = np.array([len(f.above) for f in level], int)
+    places = np.unique(np.linspace(0, len(level), 1 + min(len(level), N_CUTS)).astype(int))
+
+    def padded(i: int, j: int) -> int:
+        width = int(own[i:j].max())
+        return (j - i) * width * (width + 2 * int(above[i:j].max()))
+
+    cheapest: dict[int, tuple[int, tuple[int, ...]]] = {0: (0, ())}
+    for index, j in enumerate(places[1:], start=1):
+        cheapest[int(j)] = min(
+            (
+                cheapest[int(i)][0] + padded(int(i), int(j)) + BATCH_COST,
+                (*cheapest[int(i)][1], int(j)),
+            )
+            for i in places[:index]
+        )
+    ends = (0, *cheapest[len(level)][1])
+    return [level[i:j] for i, j in itertools.pairwise(ends)]
+
+
+def _batch(fronts: list[_Dense], n_unknowns: int, dtype: type) -> Batch:
+    n_own, n_above = (max(len(x) for x in xs) for xs in zip(*(f[1:3] for f in fronts), strict=True))
+    n = len(fronts)
+    own, above = np.full((n, n_own), n_unknowns), np.full((n, n_above), n_unknowns)
+    inverse, coupling = np.zeros((n, n_own, n_own), dtype), np.zeros((n, n_above, n_own), dtype)
+    for k, f in enumerate(fronts):
+        own[k, : len(f.own)], above[k, : len(f.above)] = f.own, f.above
+        inverse[k, : len(f.own), : len(f.own)] = f.inverse
+        coupling[k, : len(f.above), : len(f.own)] = f.coupling
+    return Batch(
+        jnp.asarray(own, jnp.int32),
+        jnp.asarray(above, jnp.int32),
+        jnp.asarray(inverse),
+        jnp.asarray(coupling),
+    )
+
+
+def nested_solve(factor: NestedFactor, b: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
+    """Solve with a factor, in its precision."""
+    if not factor.levels:
+        return b
+    y = jnp.append(b.astype(factor.levels[0][0].inverse.dtype), 0.0)
+    # The batches of a level do not wait for each other.
+    for level in factor.levels:
+        pushed = [jnp.einsum("kbs,ks->kb", f.coupling, gathered(y, f.own)) for f in level]
+        y = y.at[_joined(f.above for f in level)].add(
+            -_joined(pushed), mode=IN_BOUNDS, wrap_negative_indices=False
+        )
+    for level in reversed(factor.levels):
+        solved = [
+            jnp.einsum("kst,kt->ks", f.inverse, gathered(y, f.own))
+            - jnp.einsum("kbs,kb->ks", f.coupling, gathered(y, f.above))
+            for f in level
+        ]
+        y = y.at[_joined(f.own for f in level)].set(
+            _joined(solved), mode=IN_BOUNDS, wrap_negative_indices=False
+        )
+    return y[:-1].astype(b.dtype)
+
+
+def _joined(parts: Iterable[Array]) -> Array:
+    return jnp.concatenate([part.reshape(-1) for part in parts])
+
+
+def nested_solve_once(
+    factor: NestedFactor, b: Float[np.ndarray, " unknowns"]
+) -> Float[np.ndarray, " unknowns"]:
+    """The same on the host, for a solution that is not worth a compilation."""
+    y = np.append(b, 0.0)
+    batches = jax.tree.map(np.asarray, factor.batches)
+    for batch in batches:
+        np.subtract.at(y, batch.above, (batch.coupling @ y[batch.own][..., None])[..., 0])
+    for batch in reversed(batches):
+        down = batch.inverse @ y[batch.own][..., None]
+        up = np.swapaxes(batch.coupling, 1, 2) @ y[batch.above][..., None]
+        y[batch.own] = (down - up)[..., 0]
+        y[-1] = 0.0
+    return y[:-1]

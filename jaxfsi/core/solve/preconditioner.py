@@ -1,0 +1,261 @@
+"""Preconditioner of the coupled step: a frozen wall factor and a pressure Schur complement.
+
+The linearised step has the form [A G; D C] in velocity and pressure. With Â ≈ A and S ≈ C − D A⁻¹ G
+the upper triangular approximate inverse is::
+
+    z_p = S⁻¹ r_p,   z_u = Â⁻¹ (r_u − G z_p)
+
+Â is a factor of the wall's block with the blood's share of its nodes, and the diagonal of A in the
+blood. The least-squares stabilisation τ_C is part of A: where it has the time scale of the step in
+it, it is of the size of inertia, and without it there are three times as many iterations. S uses
+the diagonal of A in the blood, and on the interface the wall's response to a uniform pressure, node
+by node.
+
+Everything is assembled once at the reference shape with the blood at rest, but for the diagonal in
+the blood, which each linear system renews (`with_blood`): where flow crosses ten elements in a step
+its stabilisation is forty times inertia, and a patient's systole takes 37 iterations with the
+diagonal at rest, 19 with its own. S and the wall's factor at that flow would gain nothing more.
+Measured on the elastic tube of 10 000 elements (Δt 1e-4 s, E 3e6 dyn/cm²): 7 iterations to 1e-3, as
+many as with the exact Schur complement; 5 with an exact blood block.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Array, Float, Int
+
+from jaxfsi.core.elements.assembly import (
+    MASS,
+    HostGeometry,
+    assembled,
+    assembled_vector,
+    host_geometry,
+    isotropic_stiffness,
+    stiffness,
+)
+from jaxfsi.core.elements.linear import added
+from jaxfsi.core.elements.stencil import apply, columns_of, neighbours
+from jaxfsi.core.elements.wall import Weights
+from jaxfsi.core.solve.nested_factor import (
+    NestedFactor,
+    nested_factor,
+    nested_solve,
+    nested_solve_once,
+)
+from jaxfsi.core.solve.wall_blocks import edge_blocks, vertex_block
+from jaxfsi.core.solve.wall_factor import (
+    WallFactor,
+    wall_factor,
+    wall_solve,
+    wall_solve_transposed,
+    wall_vertices,
+)
+from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
+from jaxfsi.core.step.model import Model
+
+
+class Preconditioner(eqx.Module):
+    """Frozen approximate inverse of the linearised step.
+
+    Attributes:
+        wall: approximate inverse of the wall's block.
+        inverse_diagonal: of A at the blood's own nodes, 0 elsewhere; at rest until renewed.
+        pressure: factor of S.
+        pressure_nodes: nodes that carry a pressure.
+        neighbour: nodes of the columns of the following, see `Pattern`.
+        gradient: G of each direction, as stencils.
+        gradient_transposed: the transpose of each.
+        velocity_scale: A^(−1/2) of each velocity, by its diagonal.
+        pressure_scale: S^(−1/2) of each pressure, by its diagonal.
+    """
+
+    wall: WallFactor
+    inverse_diagonal: Float[Array, "3 nodes"]
+    pressure: NestedFactor
+    pressure_nodes: Int[Array, " wet"]
+    neighbour: Int[Array, "columns nodes"]
+    gradient: Float[Array, "3 columns nodes"]
+    gradient_transposed: Float[Array, "3 columns nodes"]
+    velocity_scale: Float[Array, "3 nodes"]
+    pressure_scale: Float[Array, " nodes"]
+
+
+class _Blocks(NamedTuple):
+    A_wall: sp.csr_matrix
+    diagonal: Float[np.ndarray, "nodes 3"]
+    G: tuple[sp.csr_matrix, ...]
+    D: tuple[sp.csr_matrix, ...]
+    C: sp.csr_matrix
+
+
+def preconditioner(
+    dt: float, model: Model, method: GeneralizedAlpha, *, dtype: type = np.float32
+) -> Preconditioner:
+    """Factor the step of a model with concrete parameters."""
+    points = np.asarray(model.x).T
+    held, in_solid = np.asarray(model.held), np.asarray(model.in_solid)
+    in_fluid = np.asarray(model.in_fluid)
+    fluid = np.asarray(model.fluid_tets).T
+    shape = host_geometry(points, fluid)
+    blocks = _blocks(dt, model, method, shape)
+    wall_nodes = wall_vertices(model)
+    wall = wall_factor(blocks.A_wall, model, Weights(*method.weights(dt)), dtype=dtype)
+    free_fluid = in_fluid & ~in_solid & ~held
+    inverse_diagonal = np.where(free_fluid[:, None], 1.0 / blocks.diagonal, 0.0)
+    wet = np.flatnonzero(in_fluid)
+    S = blocks.C
+    for i in range(3):
+        S = S - blocks.D[i] @ sp.diags(inverse_diagonal[:, i]) @ blocks.G[i]
+    S = S + sp.diags(_wall_response(blocks, wall.vertices, wall_nodes, in_fluid & in_solid))
+    S = ((S + S.T) / 2.0).tocsr()[wet][:, wet]
+    S_diagonal = np.ones(len(points))
+    S_diagonal[wet] = S.diagonal()
+    neighbour = neighbours(fluid, len(points))
+    G = np.stack([columns_of(block, neighbour) for block in blocks.G])
+    G_transposed = np.stack([columns_of(block.T.tocsr(), neighbour) for block in blocks.G])
+    return Preconditioner(
+        wall,
+        jnp.asarray(inverse_diagonal.T, dtype),
+        nested_factor(S, points=points[wet], dtype=dtype),
+        jnp.asarray(wet, jnp.int32),
+        jnp.asarray(neighbour, jnp.int32),
+        jnp.asarray(G, dtype),
+        jnp.asarray(G_transposed, dtype),
+        jnp.asarray(np.where(held[:, None], 1.0, blocks.diagonal**-0.5).T),
+        jnp.asarray(S_diagonal**-0.5),
+    )
+
+
+def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeometry) -> _Blocks:
+    """Blocks of the step with the blood at rest, three velocities a node in A_wall."""
+    points = np.asarray(model.x).T
+    n_nodes = len(points)
+    fluid = np.asarray(model.fluid_tets).T
+    w_a, w_u, w_d = (float(w) for w in method.weights(dt))
+    rho = float(model.blood.rho_f)
+    mu = np.asarray(model.blood.viscosity(jnp.ones(len(fluid))))
+    metric = np.einsum("eai,eaj->eij", shape.grad[:, 1:], shape.grad[:, 1:])
+    steady = 36.0 * (mu / rho) ** 2 * np.sum(metric**2, axis=(1, 2))
+    rate = np.sqrt(4.0 / dt**2 + steady)
+    tau = 1.0 / (rho * rate)
+    spread = rate if model.blood.transient_continuity else np.sqrt(steady)
+    tau_continuity = rho * spread / np.trace(metric, axis1=1, axis2=2)
+    fluid_moduli = (w_u * tau_continuity, w_u * mu)
+    fluid_mass = w_a * rho * shape.volume
+    diagonal = _diagonal(fluid, shape, fluid_mass, *fluid_moduli, n_nodes)
+    near = np.any(np.asarray(model.in_solid)[fluid], axis=1)
+    A_wall = _vector_block(
+        fluid[near],
+        HostGeometry(shape.grad[near], shape.volume[near]),
+        fluid_mass[near],
+        fluid_moduli[0][near],
+        fluid_moduli[1][near],
+        n_nodes,
+    )
+    if model.wall is not None:
+        weights = Weights(w_a, w_u, w_d)
+        wall = vertex_block(model, weights)
+        A_wall = A_wall + wall
+        diagonal = diagonal + wall.diagonal().reshape(-1, 3)
+        edges = np.diagonal(edge_blocks(model, weights), axis1=1, axis2=2)
+        diagonal[model.n_vertices :] += edges
+    quarter = shape.volume / 4.0
+    G_block, D_block = [], []
+    for i in range(3):
+        slope = shape.grad[:, :, i] * quarter[:, None]
+        spread = np.repeat(slope[:, :, None], 4, axis=2)  # row: gradient, column: value
+        G_block.append(assembled(fluid, -w_u * spread, n_nodes))
+        weak = w_u * np.swapaxes(spread, 1, 2) + (w_a * rho * tau)[:, None, None] * spread
+        D_block.append(assembled(fluid, weak, n_nodes))
+    C = assembled(fluid, stiffness(shape, w_u * tau), n_nodes)
+    diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
+    return _Blocks(A_wall, diagonal, tuple(G_block), tuple(D_block), C)
+
+
+def _vector_block(tets, shape, mass, lam, G, n_nodes) -> sp.csr_matrix:
+    values = isotropic_stiffness(shape, lam, G)
+    for i in range(3):
+        values[:, :, i, :, i] += mass[:, None, None] * MASS
+    return assembled_vector(tets, values, n_nodes)
+
+
+def _diagonal(tets, shape, mass, lam, G, n_nodes) -> Float[np.ndarray, "nodes 3"]:
+    square = shape.grad**2
+    values = (lam + G)[:, None, None] * square + (G[:, None] * np.sum(square, axis=2))[..., None]
+    values = values * shape.volume[:, None, None] + (mass / 10.0)[:, None, None]
+    return np.stack(
+        [np.bincount(tets.ravel(), values[:, :, i].ravel(), n_nodes) for i in range(3)],
+        axis=1,
+        dtype=float,
+    )
+
+
+def _wall_response(blocks, wall, wall_nodes, interface) -> Float[np.ndarray, " nodes"]:
+    """Volume flow that a uniform unit pressure presses into the wall at each interface node."""
+    response = np.zeros(len(interface))
+    if not len(wall_nodes):
+        return response
+    ones = np.ones(len(interface))
+    push = np.stack([-(G @ ones)[wall_nodes] for G in blocks.G], axis=1)
+    velocity = nested_solve_once(wall, push.ravel()).reshape(-1, 3)
+    for i in range(3):
+        field = np.zeros(len(interface))
+        field[wall_nodes] = velocity[:, i]
+        response += blocks.D[i] @ field
+    return np.where(interface, np.maximum(response, 0.0), 0.0)
+
+
+def with_blood(M: Preconditioner, diagonal: Sequence[Float[Array, " nodes"]]) -> Preconditioner:
+    """The preconditioner with another diagonal of A at the blood's own nodes, by component."""
+    known = M.inverse_diagonal
+    inverse = jnp.stack(
+        [jnp.where(d > 0.0, 1.0 / jnp.where(d > 0.0, d, 1.0), 0.0) for d in diagonal]
+    )
+    renewed = jnp.where((known > 0.0) & (inverse > 0.0), inverse.astype(known.dtype), known)
+    return eqx.tree_at(lambda m: m.inverse_diagonal, M, renewed)
+
+
+def _weak_gradient(M: Preconditioner, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
+    """G p: force of a pressure on the nodes."""
+    return jnp.stack([apply(g, M.neighbour, p) for g in M.gradient])
+
+
+def _weak_gradient_transposed(
+    M: Preconditioner, u: Float[Array, "3 nodes"]
+) -> Float[Array, " nodes"]:
+    return added(
+        apply(g, M.neighbour, u_i) for g, u_i in zip(M.gradient_transposed, u, strict=True)
+    )
+
+
+def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
+    return r * M.inverse_diagonal + wall_solve(M.wall, r)
+
+
+def _pressure_solve(M: Preconditioner, r: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
+    return jnp.zeros_like(r).at[M.pressure_nodes].set(nested_solve(M.pressure, r[M.pressure_nodes]))
+
+
+def precondition(
+    M: Preconditioner, r_u: Float[Array, "3 nodes"], r_p: Float[Array, " nodes"]
+) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
+    """Apply the approximate inverse to residuals of momentum and continuity, in its precision."""
+    dtype = M.inverse_diagonal.dtype
+    z_p = _pressure_solve(M, r_p.astype(dtype))
+    z_u = _velocity_solve(M, r_u.astype(dtype) - _weak_gradient(M, z_p))
+    return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)
+
+
+def precondition_transposed(
+    M: Preconditioner, r_u: Float[Array, "3 nodes"], r_p: Float[Array, " nodes"]
+) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
+    """Apply the transpose of `precondition`; S is symmetric."""
+    dtype = M.inverse_diagonal.dtype
+    r = r_u.astype(dtype)
+    z_u = r * M.inverse_diagonal + wall_solve_transposed(M.wall, r)
+    z_p = _pressure_solve(M, r_p.astype(dtype) - _weak_gradient_transposed(M, z_u))
+    return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)

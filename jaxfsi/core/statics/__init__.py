@@ -1,0 +1,1 @@
+"""Static equilibrium of the wall, and prestress."""

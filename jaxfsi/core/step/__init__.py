@@ -1,0 +1,1 @@
+"""The coupled step in time: its unknowns, its equations, and the march."""

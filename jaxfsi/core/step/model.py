@@ -1,0 +1,262 @@
+"""A model: mesh, materials, ports and supports as arrays that the step in time works on.
+
+Rigid-wall flow, a wall alone and both coupled are one model with different regions: without solid
+elements the interface stands still, without fluid elements there is no pressure. Fluid and solid
+share the velocity of the interface, so that neither continuity of velocity nor balance of
+traction needs an equation of its own.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, get_args
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxfsi.core.elements.quadratic import QuadraticElement, edges_of_faces, numbered_edges
+from jaxfsi.core.elements.wall import AbstractWallElement, LinearElement
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.interface import BowedInterface
+from jaxfsi.core.laws.ports import FlowPort, HeldPort, OpenPort, Port
+from jaxfsi.core.laws.profile import unit_flow_profile
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.faces import triangle_edges
+from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
+from lumped.parameters import Parameter
+
+WallElement = Literal["quadratic", "linear"]
+"""Which element the wall is made of."""
+
+
+class Model(eqx.Module):
+    """What a step in time needs to know.
+
+    Differentiated are the node positions, blood, wall, ports and profiles; index lists and masks
+    are not.
+
+    Attributes:
+        x: reference positions of the nodes [cm]: first the vertices of the mesh, then, where the
+            wall's elements are quadratic, the vectors that bow their edges, which are zero.
+        fluid_tets: corners of the fluid elements.
+        element: elements of the wall, linear ones without members where there is none.
+        in_fluid: nodes that carry a pressure; where velocity is given at all openings of rigid
+            walls, all but one, from which the pressure counts.
+        in_solid: nodes of the wall.
+        held: nodes whose velocity is prescribed.
+        mesh_held: fluid nodes that the mesh motion does not move.
+        blood: what the blood is like.
+        wall: what the wall is made of.
+        prestress: second Piola-Kirchhoff stress of the undeformed wall at the quadrature points of
+            its elements [dyn/cm²]; None: without stress.
+        P_ambient: pressure from which all others count in the equations [dyn/cm²]. The stress of
+            the wall counts from a uniform −P_ambient, which is what holds it without strain where
+            the same pressure acts on all its surfaces; a surface without a port is under it.
+            Geometry is extrapolated in time, and so are the loads that turn with a surface: the
+            smaller the pressures, the longer the steps that are stable.
+        ports: condition of each port.
+        profiles: velocity of unit inflow at flow ports [1/cm²]; a field without entries elsewhere.
+        port_faces: triangles of each port.
+        port_edges: unknowns of the edges opposite to their corners, where they bow; else None.
+        outer_faces: triangles that the tissue outside supports.
+        outer_edges: unknowns of the edges opposite to their corners, where they bow; else None.
+        bowed: where blood touches edges of the wall that bow; None where there are none.
+        names: of the ports (static).
+        n_vertices: vertices of the mesh, which come before other nodes (static).
+    """
+
+    x: Float[Array, "3 nodes"]
+    fluid_tets: Int[Array, "4 fluid_tets"]
+    element: AbstractWallElement
+    in_fluid: Bool[Array, " nodes"]
+    in_solid: Bool[Array, " nodes"]
+    held: Bool[Array, " nodes"]
+    mesh_held: Bool[Array, " nodes"]
+    blood: Blood
+    wall: Wall | None
+    prestress: Float[Array, "3 3 points solid_tets"] | None
+    P_ambient: Float[Array, ""]
+    ports: tuple[Port, ...]
+    profiles: tuple[Float[Array, "3 nodes"] | None, ...]
+    port_faces: tuple[Int[Array, "3 _"], ...]
+    port_edges: tuple[Int[Array, "3 _"] | None, ...]
+    outer_faces: Int[Array, "3 outer"]
+    outer_edges: Int[Array, "3 outer"] | None
+    bowed: BowedInterface | None
+    names: tuple[str, ...] = eqx.field(static=True)
+    n_vertices: int = eqx.field(static=True)
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return self.x.shape[1]
+
+    @property
+    def solid_tets(self) -> Int[Array, "4 solid_tets"]:
+        """Corners of the solid elements."""
+        return self.element.tets
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether there is no wall that moves."""
+        return self.solid_tets.shape[1] == 0
+
+    @property
+    def is_dry(self) -> bool:
+        """Whether there is no blood."""
+        return self.fluid_tets.shape[1] == 0
+
+
+def build_model(
+    mesh: Mesh,
+    ports: Mapping[str, Port],
+    *,
+    blood: Blood | None = None,
+    wall: Wall | None = None,
+    clamped: Sequence[str] | None = None,
+    wall_element: WallElement = "linear",
+    P_ambient: Parameter = 0.0,
+) -> Model:
+    """Put a model together.
+
+    Args:
+        mesh: labelled mesh in cm. Its regions decide what is modelled.
+        ports: condition at labels of the mesh: at all its openings, and at any other surface that
+            carries a load.
+        blood: None for the defaults.
+        wall: what the wall is made of; required where the mesh has one.
+        clamped: labels whose nodes do not move; None: the cut ends of the wall.
+        wall_element: ``"linear"``, as most codes have it, or ``"quadratic"``, which bends and does
+            not lock.
+        P_ambient: pressure outside [dyn/cm²], at which the wall has its reference shape, see
+            `Model`.
+
+    Raises:
+        ValueError: ports and labels do not fit, or the wall is missing.
+    """
+    labels = [name for name in mesh.label_names if name.endswith(RING_SUFFIX)]
+    clamped = tuple(labels) if clamped is None else tuple(clamped)
+    _check(mesh, ports, wall, clamped)
+    if wall_element not in get_args(WallElement):
+        raise ValueError(
+            f"wall_element = {wall_element!r} is not known; take one of"
+            f" {', '.join(get_args(WallElement))}."
+        )
+    n_nodes = len(mesh.points)
+    fluid, solid = mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID)
+    element, ends = _wall_elements(n_nodes, solid, wall_element)
+    n_edges = len(ends)
+    in_fluid, in_solid = _marked(n_nodes, fluid), _marked(n_nodes, solid)
+    held = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))
+    if not len(solid):
+        held |= _marked(n_nodes, mesh.labelled(INTERFACE))
+    profiles = []
+    for name, port in ports.items():
+        profile = None
+        if isinstance(port, FlowPort):
+            profile = np.pad(unit_flow_profile(mesh, name).T, ((0, 0), (0, n_edges)))
+        profiles.append(None if profile is None else jnp.asarray(profile))
+        if isinstance(port, HeldPort):
+            held |= _marked(n_nodes, mesh.labelled(name))
+    if len(fluid) and not len(solid) and all(isinstance(p, HeldPort) for p in ports.values()):
+        # Nothing sets the level of the pressure: it counts from one node, whose continuity
+        # equation follows from the others.
+        in_fluid[fluid[0, 0]] = False
+    openings = _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
+    outer = mesh.labelled(OUTER_WALL) if OUTER_WALL in mesh.label_names else np.zeros((0, 3), int)
+    return Model(
+        x=jnp.asarray(np.pad(mesh.points.T.astype(float), ((0, 0), (0, n_edges)))),
+        fluid_tets=jnp.asarray(fluid.T, jnp.int32),
+        element=element,
+        in_fluid=jnp.asarray(np.append(in_fluid, np.zeros(n_edges, bool))),
+        in_solid=jnp.asarray(np.append(in_solid, np.ones(n_edges, bool))),
+        held=jnp.asarray(np.append(held, _among(ends, mesh, clamped))),
+        mesh_held=jnp.asarray(np.append(in_solid | openings | ~in_fluid, np.ones(n_edges, bool))),
+        blood=Blood() if blood is None else blood,
+        wall=wall if len(solid) else None,
+        prestress=None,
+        P_ambient=jnp.asarray(P_ambient, float),
+        ports=tuple(ports.values()),
+        profiles=tuple(profiles),
+        port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
+        port_edges=tuple(_port_edges(mesh, name, element) for name in ports),
+        outer_faces=jnp.asarray(outer.T, jnp.int32),
+        outer_edges=_bowed_edges(outer, element),
+        bowed=_bowed(mesh, element) if len(fluid) else None,
+        names=tuple(ports),
+        n_vertices=n_nodes,
+    )
+
+
+def _wall_elements(
+    n_nodes: int, solid: Int[np.ndarray, "tets 4"], kind: str
+) -> tuple[AbstractWallElement, Int[np.ndarray, "edges 2"]]:
+    """Elements of the wall, and the ends of the edges that carry unknowns."""
+    if kind == "linear" or not len(solid):
+        return LinearElement(jnp.asarray(solid.T, jnp.int32)), np.zeros((0, 2), int)
+    ends, index = numbered_edges(solid)
+    return QuadraticElement(
+        jnp.asarray(solid.T, jnp.int32), jnp.asarray(n_nodes + index.T, jnp.int32)
+    ), ends
+
+
+def _bowed(mesh: Mesh, element: AbstractWallElement) -> BowedInterface | None:
+    """The interface where edges of the wall bow."""
+    faces = mesh.labelled(INTERFACE)
+    edges = _bowed_edges(faces, element)
+    return None if edges is None else BowedInterface(jnp.asarray(faces.T, jnp.int32), edges)
+
+
+def _port_edges(
+    mesh: Mesh, name: str, element: AbstractWallElement
+) -> Int[Array, "3 faces"] | None:
+    """Edges that bow of a labelled surface; None at an opening of the blood."""
+    return None if name in mesh.openings else _bowed_edges(mesh.labelled(name), element)
+
+
+def _bowed_edges(
+    faces: Int[np.ndarray, "faces 3"], element: AbstractWallElement
+) -> Int[Array, "3 faces"] | None:
+    """Edges that bow opposite to the corners of faces; None where none do."""
+    if not isinstance(element, QuadraticElement):
+        return None
+    return jnp.asarray(edges_of_faces(element, faces.T), jnp.int32)
+
+
+def _among(
+    ends: Int[np.ndarray, "edges 2"], mesh: Mesh, labels: Sequence[str]
+) -> Bool[np.ndarray, " edges"]:
+    """Which edges belong to triangles under one of some labels."""
+    sides = [triangle_edges(mesh.labelled(name)).reshape(-1, 2) for name in labels]
+    own = np.sort(np.concatenate([*sides, np.zeros((0, 2), int)]), axis=1)
+    n = len(mesh.points)
+    return np.isin(ends[:, 0] * n + ends[:, 1], own[:, 0] * n + own[:, 1])
+
+
+def _marked(n_nodes: int, *elements: Int[np.ndarray, "_ _"]) -> Bool[np.ndarray, " nodes"]:
+    mark = np.zeros(n_nodes, bool)
+    for e in elements:
+        mark[e.ravel()] = True
+    return mark
+
+
+def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tuple[str, ...]):
+    faults = [
+        f"there is no label {name!r}" for name in (*ports, *clamped) if name not in mesh.label_names
+    ]
+    missing = [name for name in mesh.openings if name not in ports]
+    if missing:
+        faults.append(f"the openings {', '.join(missing)} have no port")
+    faults += [
+        f"the port {name!r} is a {type(port).__name__}"
+        for name, port in ports.items()
+        if not isinstance(port, OpenPort | HeldPort)
+    ]
+    if wall is None and np.any(mesh.region == Region.SOLID):
+        faults.append("the mesh has a wall but none is given")
+    if faults:
+        raise ValueError(
+            "; ".join(faults)
+            + f". The mesh has the labels {', '.join(mesh.label_names)}; give each opening a"
+            " PressurePort, BlockPort, FlowPort or VelocityPort."
+        )

@@ -1,0 +1,86 @@
+"""State of a model between two steps."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxfsi.core.laws.ports import BlockPort
+from jaxfsi.core.step.model import Model
+from lumped.parameters import Parameter
+from lumped.views import driven
+from lumped.waveforms import Constant
+
+
+class State(NamedTuple):
+    """Fields and ports at one time.
+
+    Attributes:
+        t: time [s].
+        u: velocity [cm/s].
+        a: acceleration [cm/s²].
+        d: displacement of the wall [cm].
+        p: pressure [dyn/cm²].
+        d_mesh: displacement of the fluid's mesh [cm].
+        u_before: velocity one step earlier, for extrapolation [cm/s].
+        p_before: pressure one step earlier [dyn/cm²].
+        d_before: displacement of the wall one step earlier [cm].
+        blocks: states of the block of each port, empty for other ports.
+        P_port: pressure of each port [dyn/cm²].
+        Q_port: flow out of each port [cm³/s].
+    """
+
+    t: Float[Array, ""]
+    u: Float[Array, "3 nodes"]
+    a: Float[Array, "3 nodes"]
+    d: Float[Array, "3 nodes"]
+    p: Float[Array, " nodes"]
+    d_mesh: Float[Array, "3 nodes"]
+    u_before: Float[Array, "3 nodes"]
+    p_before: Float[Array, " nodes"]
+    d_before: Float[Array, "3 nodes"]
+    blocks: tuple[Float[Array, " _"], ...]
+    P_port: Float[Array, " ports"]
+    Q_port: Float[Array, " ports"]
+
+
+def initial_state(
+    model: Model,
+    *,
+    t: Parameter = 0.0,
+    p: Parameter = 0.0,
+    blocks: tuple[Float[Array, " _"] | None, ...] | None = None,
+) -> State:
+    """At rest, undeformed, under a uniform pressure.
+
+    Args:
+        model: the model.
+        t: time [s].
+        p: pressure of the blood [dyn/cm²].
+        blocks: states of the block of each port; None: zero.
+    """
+    zero = jnp.zeros((3, model.n_nodes))
+    pressure = jnp.where(model.in_fluid, jnp.asarray(p, float), 0.0)
+    states = []
+    for i, port in enumerate(model.ports):
+        given = None if blocks is None else blocks[i]
+        if isinstance(port, BlockPort):
+            n = driven(port.block, Constant(0.0)).n_states
+            states.append(jnp.zeros(n) if given is None else jnp.asarray(given, float))
+        else:
+            states.append(jnp.zeros(0))
+    n_ports = len(model.ports)
+    return State(
+        t=jnp.asarray(t, float),
+        u=zero,
+        a=zero,
+        d=zero,
+        p=pressure,
+        d_mesh=zero,
+        u_before=zero,
+        p_before=pressure,
+        d_before=zero,
+        blocks=tuple(states),
+        P_port=jnp.full(n_ports, jnp.asarray(p, float)),
+        Q_port=jnp.zeros(n_ports),
+    )

@@ -1,0 +1,72 @@
+"""What is prepared once for steps of one length: factors and the accuracy asked for."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_motion
+from jaxfsi.core.solve.preconditioner import Preconditioner, preconditioner
+from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
+from jaxfsi.core.step.model import Model
+
+
+class Stepper(eqx.Module):
+    """Everything prepared for steps of one length with one model.
+
+    Attributes:
+        dt: length of a step [s].
+        motion: of the blood's mesh; None where the wall is rigid.
+        preconditioner: of the linear systems.
+        method: coefficients in time (static).
+        tolerance: by how much the residual of the extrapolated state is reduced (static).
+        max_linear: iterations of GMRES at most (static).
+        max_nonlinear: linear systems a step at most (static).
+    """
+
+    dt: Float[Array, ""]
+    motion: MeshMotion | None
+    preconditioner: Preconditioner
+    method: GeneralizedAlpha = eqx.field(static=True)
+    tolerance: float = eqx.field(static=True)
+    max_linear: int = eqx.field(static=True)
+    max_nonlinear: int = eqx.field(static=True)
+
+
+def prepare(
+    dt: float,
+    model: Model,
+    *,
+    rho_infinity: float = 0.5,
+    tolerance: float = 1e-3,
+    max_linear: int = 40,
+    max_nonlinear: int = 6,
+) -> Stepper:
+    """Make the factors for steps of length dt [s]; the model's numbers must be concrete.
+
+    Args:
+        dt: length of a step [s].
+        model: the model.
+        rho_infinity: damping of the highest frequency, see `generalized_alpha`.
+        tolerance: by how much the residual of the extrapolated state is reduced; ten times
+            that may be left by coefficients of an earlier iterate (`newton.SLACK`).
+        max_linear: iterations of GMRES at most.
+        max_nonlinear: linear systems a step at most.
+
+    Raises:
+        ValueError: dt or an option is out of range.
+    """
+    if not dt > 0.0:
+        raise ValueError(f"dt = {dt} s is not positive; a cardiac cycle takes about 1000 steps")
+    if not 0.0 < tolerance < 1.0:
+        raise ValueError(f"tolerance = {tolerance} is not between 0 and 1; 1e-3 is usual")
+    method = generalized_alpha(rho_infinity)
+    moves = not (model.is_rigid or model.is_dry)
+    return Stepper(
+        jnp.asarray(dt, float),
+        mesh_motion(model) if moves else None,
+        preconditioner(dt, model, method),
+        method,
+        tolerance,
+        max_linear,
+        max_nonlinear,
+    )

@@ -1,0 +1,1 @@
+"""Quality, topology and fidelity of a mesh."""

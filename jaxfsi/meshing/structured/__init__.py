@@ -1,0 +1,1 @@
+"""Meshes of tubes and strips from prisms."""

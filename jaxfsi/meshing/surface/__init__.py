@@ -1,0 +1,1 @@
+"""The surfaces that bound a mesh."""

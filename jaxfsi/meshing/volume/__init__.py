@@ -1,0 +1,1 @@
+"""Tetrahedra between surfaces."""

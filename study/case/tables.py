@@ -1,0 +1,311 @@
+"""The tables of a case file: which there are, what each takes, and how its values must agree."""
+
+import re
+from collections.abc import Mapping, Sequence, Sized
+from typing import Any
+
+from jaxfsi.meshing.presets import PRESETS
+from study.case.advice import nearest, python_alone
+from study.case.anatomy_tables import KINDS, read_anatomy
+from study.case.beat import read_beat
+from study.case.combinations import check_case
+from study.case.faults import printable, shown_key
+from study.case.losses_table import R0, K, read_losses
+from study.case.schema import FREE_TEXT, Key, Location, Quantity, Value, Word, spellings
+from study.case.table_reader import Context, check_order, read_free_texts, read_table
+
+MOST_CONDITIONS = 100
+"""Of a case or a record: some are rest and drugs, many are a slip."""
+
+FFR_MEANING = (
+    "FFR is mean distal over mean aortic pressure; at 1 or above there is no loss to calibrate: "
+    "usually the wire has drifted or lies lower than the aortic sensor; correct it, or omit ffr"
+)
+
+PATIENT = (
+    Word(
+        "id",
+        pattern=r"[A-Za-z0-9]([A-Za-z0-9._-]{0,62}[A-Za-z0-9_-])?",
+        required=True,
+        described='a name that can be a file name: letters, digits, ". _ -", at most 64',
+    ),
+)
+BLOOD = (
+    Quantity("viscosity", "viscosity", "poise", 0.008, 0.2, 0.04),
+    Quantity("density", "density", "g_per_cm3", 0.8, 1.3, 1.06),
+)
+WALL = (
+    Quantity("E", "stiffness", "dyn_per_cm2", 2.0e5, 3.0e8, 1.5e7),
+    Quantity("nu", "number", "", 0.0, 0.5, 0.49, advice="give Poisson's ratio, at most 0.5"),
+    Quantity("density", "density", "g_per_cm3", 0.5, 3.0, 1.0),
+    Word(
+        "material",
+        ("linear", "saint_venant_kirchhoff", "neo_hookean"),
+        default="saint_venant_kirchhoff",
+    ),
+    Word("element", ("linear", "quadratic"), default="linear"),
+    Word("prestress", ("diastole", "none"), default="diastole"),
+    Quantity("thickness_per_radius", "number", "", 0.01, 1.0, 0.1),
+)
+THICKNESS = (
+    Quantity("factor", "number", "", 0.01, 1.0, 0.1),
+    Quantity("min", "length", "mm", 0.01, 5.0),
+    Quantity("max", "length", "mm", 0.05, 10.0),
+)
+CONDITION = (
+    Word("kind", ("rest", "stress")),
+    Quantity("P_systolic", "pressure", "mmHg", 30.0, 300.0, required=True),
+    Quantity("P_diastolic", "pressure", "mmHg", 20.0, 200.0, required=True),
+    Quantity("period", "time", "s", 0.2, 3.0, required=True, aliases=("heart_rate", "HR")),
+    Quantity("cardiac_output", "flow", "l_per_min", 0.15, 40.0, aliases=("CO",)),
+    Quantity("stroke_volume", "volume", "ml", 1.0, 300.0, aliases=("SV",)),
+    Quantity("ffr", "ratio", "", 0.0, 1.0, exclusive=True, advice=FFR_MEANING),
+    Quantity("ffr_sd", "ratio", "", 0.0, 0.3, exclusive=True),
+    Location("waveform", described="CSV file with time_s,P_aorta_mmHg"),
+)
+CORONARY = (
+    Quantity("R_1", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 3.1992e4),
+    Quantity("R_2", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 6.3984e4),
+    Quantity("R_3", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 2.666e5),
+    Quantity("C_a", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 4.5e-7),
+    Quantity("C_im", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 3.0e-6),
+    Quantity("P_venous", "pressure", "mmHg", -5.0, 40.0, 0.0),
+    Quantity(
+        "im_factor",
+        "number",
+        "",
+        0.0,
+        3.0,
+        1.0,
+        advice="give the factor of the LV pressure, usually 1",
+    ),
+)
+SURROGATE = (
+    R0,
+    K,
+    Quantity("C0", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 1.0e-7),
+    Word("law", ("linear", "quadratic"), default="linear"),
+)
+STRESS = (Word("rule", ("printed", "all"), default="printed"),)
+STRESS_FACTORS = tuple(
+    Quantity(name, "number", "", 0.01, 100.0, 1.0) for name in ("R_1", "R_2", "R_3", "C_a", "C_im")
+)
+WINDKESSEL = (Word("characteristic", ("impedance", "paper"), default="impedance"),)
+SOLVER = (
+    Quantity("dt", "time", "s", 1.0e-7, 0.1),
+    Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),
+    Quantity("n_steps", "number", "", 8.0, 1.0e6, whole=True),
+    Quantity("frames_per_cycle", "number", "", 1.0, 1000.0, whole=True),
+    Quantity("checkpoint_every", "number", "", 1.0, 1.0e6, whole=True),
+    Quantity("tolerance", "number", "", 1.0e-10, 0.1),
+    Quantity("max_halvings", "number", "", 0.0, 12.0, whole=True),
+    Quantity("change_limit", "number", "", 1.0e-6, 10.0),
+)
+MESH = (
+    Word("preset", tuple(PRESETS), default="medium"),
+    Quantity("elements_across", "number", "", 2.0, 24.0, whole=True),
+    Quantity("wall_layers", "number", "", 1.0, 8.0, 2.0, whole=True),
+    Word("backend", ("netgen", "gmsh", "tetgen"), default="netgen"),
+    Word("unit", ("cm", "mm"), default="cm"),
+)
+
+PLAIN: dict[str, tuple[Key, ...]] = {
+    "patient": PATIENT,
+    "blood": BLOOD,
+    "coronary": CORONARY,
+    "surrogate": SURROGATE,
+    "windkessel": WINDKESSEL,
+    "mesh": MESH,
+    "solver": SOLVER,
+}
+"""Keys of each table without sub-tables or words that exclude each other."""
+
+TABLES = ("patient", "anatomy", "blood", "wall", "condition", *PLAIN, "stress")
+_OUTPUT_SLACK = 0.1
+"""Stroke volume and cardiac output are rounded, and of neighbouring minutes."""
+
+CONDITION_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,39}"
+
+
+def key_homes() -> dict[str, str]:
+    """For each key, the heading of the table that it belongs to (the first, if several)."""
+    tables: list[tuple[str, Sequence[Key]]] = [
+        ("[condition.NAME]", CONDITION),
+        *((f"[{name}]", keys) for name, keys in PLAIN.items()),
+        ("[wall]", WALL),
+        ("[stress]", STRESS),
+        *((f'[anatomy] with kind = "{kind}"', keys) for kind, keys in KINDS.items()),
+        ("[anatomy]", (Word("kind"),)),
+    ]
+    homes: dict[str, str] = {}
+    for heading, keys in tables:
+        for key in (spelled for one in keys for spelled in spellings(one)):
+            homes.setdefault(key.key, heading)
+    return homes | {"kind": "[anatomy]"}
+
+
+def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]:
+    """Read all tables of a case; faults go to the context.
+
+    Args:
+        document: the parsed file.
+        context: where faults and free texts are collected.
+
+    Returns:
+        Values by name for each table, numbers in CGS; `condition` holds one such mapping for each
+        condition, `anatomy` the anatomy or None.
+    """
+    read_free_texts(document, "file", context)
+    meant = _refuse_unknown_tables(document, context)
+    values: dict[str, Any] = {}
+    for name, keys in PLAIN.items():
+        if name in document or name not in meant:
+            reading = read_losses if name == "surrogate" else read_table
+            values[name] = reading(document.get(name, {}), name, keys, context)
+    values["anatomy"] = (
+        read_anatomy(document["anatomy"], context) if "anatomy" in document else None
+    )
+    values["wall"] = _read_wall(document.get("wall", {}), context)
+    values["condition"] = _read_conditions(document.get("condition", {}), context)
+    values["stress"] = _read_stress(document.get("stress", {}), context)
+    check_case(values, document, context)
+    surrogate = document.get("surrogate")
+    given = surrogate if isinstance(surrogate, dict) else {}
+    if "law" not in given and any(key.key in given for key in spellings(K)):
+        context.add(
+            "surrogate.law",
+            None,
+            "a quadratic loss K is given, but not whether to use it",
+            'add law = "quadratic" to use it, or law = "linear" to leave it out',
+            '"linear" | "quadratic"',
+        )
+    return values
+
+
+def _refuse_unknown_tables(document: Mapping[str, Any], context: Context) -> set[str]:
+    """Refuse tables that do not exist; returns those that were probably meant."""
+    meant: set[str] = set()
+    condition_keys = {key.key for key in CONDITION}
+    valid = "tables " + ", ".join(f"[{table}]" for table in dict.fromkeys(TABLES))
+    for name, value in document.items():
+        if name in TABLES or name in FREE_TEXT:
+            continue
+        close, alone = nearest(name, TABLES), python_alone(name)
+        if isinstance(value, dict) and condition_keys & set(value):
+            cure = f"a condition is written [condition.{shown_key(name)}]"
+        elif name in context.homes:
+            cure = f"move it below {context.homes[name]}"
+        elif alone:
+            cure = alone
+        elif close:
+            cure = f"the nearest valid table is [{close}]"
+            meant.add(close)
+        else:
+            cure = "remove it, or use a valid table"
+        what = "table" if isinstance(value, dict) else "key"
+        shown = None if isinstance(value, dict) else value
+        context.add(shown_key(name), shown, f"unknown {what}", cure, valid)
+    return meant
+
+
+def _read_wall(table: object, context: Context) -> dict[str, Value]:
+    thickness: dict[str, Value] = {"min": None, "max": None}
+    heading = "wall.thickness_per_radius"
+    rest = table
+    if isinstance(table, dict) and isinstance(table.get("thickness_per_radius"), dict):
+        local = table["thickness_per_radius"]
+        rest = {name: value for name, value in table.items() if name != "thickness_per_radius"}
+        thickness = read_table(local, heading, THICKNESS, context)
+        check_order(thickness, "min", "max", heading, THICKNESS, local, context)
+    values = read_table(rest, "wall", WALL, context)
+    values["thickness_per_radius"] = thickness.get("factor", values["thickness_per_radius"])
+    return values | {"thickness_min": thickness["min"], "thickness_max": thickness["max"]}
+
+
+def _read_conditions(table: object, context: Context) -> dict[str, dict[str, Any]]:
+    tables = condition_tables(table, context)
+    return {name: _read_condition(name, value, context) for name, value in tables.items()}
+
+
+def too_many(conditions: Sized, context: Context) -> bool:
+    """Whether there are more conditions than a file may have, which is a fault."""
+    if len(conditions) <= MOST_CONDITIONS:
+        return False
+    problem, cure = "more conditions than one patient has", "keep those of one examination"
+    context.add("condition", len(conditions), problem, cure, f"at most {MOST_CONDITIONS}")
+    return True
+
+
+def condition_tables(table: object, context: Context) -> dict[str, dict[str, Any]]:
+    """The table below each heading [condition.NAME]; faults go to the context."""
+    if not isinstance(table, dict):
+        cure = "write each condition as a table of its own, [condition.rest]"
+        context.add("condition", None, "a table for each condition is expected", cure)
+        return {}
+    if too_many(table, context):
+        return {}
+    read_free_texts(table, "condition", context)
+    conditions: dict[str, dict[str, Any]] = {}
+    for name, value in table.items():
+        place = f"condition.{shown_key(name)}"
+        if name in FREE_TEXT:
+            continue
+        if not isinstance(value, dict):
+            cure = "put it below the heading of a condition, such as [condition.rest]"
+            context.add(place, value, "the key belongs to no condition", cure)
+        elif not re.fullmatch(CONDITION_NAME, name):
+            cure = f"rename it, e.g. [condition.{re.sub(r'[^A-Za-z0-9]+', '_', name)[:40] or 'a'}]"
+            allowed = "a letter, then letters, digits, _ and -, at most 40"
+            context.add(place, None, "not a valid name of a condition", cure, allowed)
+        elif name.lower() == "rest" and name != "rest":
+            cure = "write [condition.rest], in small letters"
+            context.add(place, None, "the condition at rest is named rest", cure)
+        else:
+            conditions[name] = value
+    return conditions
+
+
+def _read_condition(name: str, table: Mapping[str, Any], context: Context) -> dict[str, Any]:
+    heading = f"condition.{name}"
+    values: dict[str, Any] = dict(read_table(table, heading, CONDITION, context))
+    kind = "rest" if name == "rest" else "stress"
+    if values["kind"] not in (None, kind):
+        cure = f'remove kind, or write kind = "{kind}"; only [condition.rest] is at rest'
+        problem = f"a condition named {printable(name)} is of kind {kind}"
+        context.add(f"{heading}.kind", table["kind"], problem, cure, f'"{kind}"')
+    values["kind"] = kind
+    check_order(values, "P_diastolic", "P_systolic", heading, CONDITION, table, context, apart=True)
+    _check_output(values, heading, table, context)
+    path, period, P_systolic = values["waveform"], values["period"], values["P_systolic"]
+    if path is not None and period is not None and P_systolic is not None:
+        place = f"{heading}.waveform"
+        values["waveform"] = read_beat(path, period, P_systolic, place, context.faults)
+    return values
+
+
+def _check_output(
+    values: Mapping[str, Any], heading: str, table: Mapping[str, Any], context: Context
+) -> None:
+    """Refuse a stroke volume that is not the cardiac output times the period."""
+    output, volume, period = (values[n] for n in ("cardiac_output", "stroke_volume", "period"))
+    if output is None or volume is None or period is None:
+        return
+    expected = output * period
+    if abs(volume - expected) > _OUTPUT_SLACK * expected:
+        key = "stroke_volume_ml"
+        problem = f"cardiac_output_l_per_min times period_s is {expected:.3g} ml"
+        allowed = f"within {100 * _OUTPUT_SLACK:g} % of that"
+        cure = f"correct the one that is wrong, or leave {key} out"
+        context.add(f"{heading}.{key}", table[key], problem, cure, allowed)
+
+
+def _read_stress(table: object, context: Context) -> dict[str, Any]:
+    if not isinstance(table, dict) or "factors" not in table:
+        return {**read_table(table, "stress", STRESS, context), "factors": None}
+    rest = {name: value for name, value in table.items() if name != "factors"}
+    values = read_table(rest, "stress", STRESS, context)
+    if "rule" in table:
+        cure = "keep either rule or [stress.factors]"
+        context.add("stress.rule", table["rule"], "[stress.factors] is given as well", cure)
+    factors = read_table(table["factors"], "stress.factors", STRESS_FACTORS, context)
+    return {**values, "rule": "factors", "factors": factors}

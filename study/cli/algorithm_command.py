@@ -1,0 +1,40 @@
+"""The command `study`."""
+
+import argparse
+import pathlib
+
+from study.case.model import Case
+from study.cli.command_output import Answer, note
+from study.cli.study_command import study_case, study_choice
+from study.report.algorithm_report import write_study
+from study.run.algorithm import check_study, run_study
+from study.run.progress import Progress
+from study.store.earlier_run import make_way
+from study.store.folder_lock import at_work
+from study.store.provenance import provenance
+from study.store.result_files import STAGE_FOLDER
+
+
+def algorithm_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+    """Run the algorithm in 3D, or what is left of it.
+
+    A study of other input or options makes way before the first run: runs are kept under their
+    names, and one that is computed anew would take the place of that which a page shows.
+    """
+    case = study_case(case, options)
+    choice = study_choice(case, options)
+    check_study(case, choice)
+    with at_work(folder, note), Progress() as progress:
+        origin = provenance(case, options.command_line)
+        make_way(folder, {"kind": "study", "provenance": origin}, note)
+        try:
+            result = run_study(case, folder, choice, progress=progress)
+            document, written = write_study(result, origin, progress)
+        except KeyboardInterrupt as stop:
+            if str(stop) or not (folder / STAGE_FOLDER).is_dir():
+                raise
+            raise KeyboardInterrupt(
+                f"interrupted; what was computed is in {folder}. Give the same command again to"
+                " go on."
+            ) from None
+    return Answer(document, written)

@@ -1,0 +1,86 @@
+"""The command `cohort`: cases of a folder side by side, and how predictions agree."""
+
+import argparse
+import datetime
+import os
+import pathlib
+import platform
+from typing import Any
+
+from study.case.model import read_case
+from study.cli.command_output import Answer, note
+from study.report.cohort_figures import cohort_figures
+from study.report.cohort_results import cohort_document, pair_rows
+from study.report.page import rendered, safe
+from study.report.results import Document
+from study.run.cohort import run_cohort
+from study.run.members import Member
+from study.run.progress import Progress
+from study.store.earlier_run import make_way
+from study.store.folder_lock import at_work
+from study.store.output import write_files
+from study.store.provenance import commit, inputs_of, versions
+from study.store.result_files import COHORT_FILE, COHORT_PAGE
+from study.store.stored_document import to_json
+
+_SECONDS = {"curve": 60.0, "3d": 3000.0}
+
+
+def cohort_command(options: argparse.Namespace, members: list[Member], out: pathlib.Path) -> Answer:
+    """Run a cohort and write its page.
+
+    A cohort of other input or options makes way before the first case: cases are kept under their
+    names, and one that is run anew would take the place of that which a page names.
+
+    Args:
+        options: of the command line.
+        members: its cases.
+        out: a checked folder.
+
+    Raises:
+        RuntimeError: every case failed.
+    """
+    extra = list(options.options or [])
+    with at_work(out, note), Progress() as progress:
+        origin = _provenance(options, members)
+        make_way(out, {"kind": "cohort", "provenance": origin}, note)
+        workers = options.workers or os.cpu_count() or 1
+        rounds = -(-len(members) // workers)
+        progress.plan({"cases": _SECONDS[options.mode] * rounds, "writing the report": 3.0})
+        progress.step("cases")
+        fates = run_cohort(
+            members,
+            options.mode,
+            extra=extra,
+            workers=options.workers,
+            expected=_SECONDS[options.mode],
+            tell=lambda text, _, left: progress.tell(text, left),
+        )
+        progress.step("writing the report")
+        if all(fate.document is None for fate in fates):
+            raise RuntimeError(f"every case failed; {fates[0].member.name}: {fates[0].reason}")
+        document = cohort_document(fates, options.mode, origin)
+        page = cohort_report(document)
+        written = write_files(out, {COHORT_PAGE: page, COHORT_FILE: to_json(document)})
+    return Answer(document, written)
+
+
+def cohort_report(document: Document) -> str:
+    """The page of a cohort, its figures inside."""
+    figures = safe(cohort_figures(document))
+    return rendered("cohort.html", d=document, rows=pair_rows(document), fig=figures)
+
+
+def _provenance(options: argparse.Namespace, members: list[Member]) -> dict[str, Any]:
+    return {
+        "inputs": [
+            {**entry, "file": f"{member.name}/{entry['file']}"}
+            for member in members
+            for entry in inputs_of(read_case(member.path))
+        ],
+        "command": options.command_line,
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "versions": versions(),
+        "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        "commit": commit(),
+    }

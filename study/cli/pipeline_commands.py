@@ -1,0 +1,83 @@
+"""The commands on reduced models, `run`, `calibrate` and `sweep`."""
+
+import argparse
+import pathlib
+
+from study.case.model import Case
+from study.cli.command_output import Answer, note
+from study.report.mesh_results import embedded, write_meshes
+from study.report.page import html_report
+from study.report.results import calibration_document, case_document
+from study.run.anatomy_source import states_of
+from study.run.mesh import coarse, coarse_mesh, planned_steps
+from study.run.pipeline import run_case
+from study.run.progress import Progress
+from study.run.sweep import sweep_case, sweep_figure, sweep_table
+from study.run.tuning import calibrate_case
+from study.store.earlier_run import make_way
+from study.store.folder_lock import at_work
+from study.store.output import write_files, write_tree
+from study.store.provenance import provenance
+from study.store.result_files import (
+    CALIBRATION_FILE,
+    FIGURE_FILE,
+    REPORT_FILE,
+    RESULT_FILE,
+    SWEEP_FILE,
+    TABLE_FILE,
+)
+from study.store.stored_document import to_json
+
+
+def run_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+    """Calibrate, predict every condition, write the report."""
+    with at_work(folder, note), Progress() as progress:
+        origin = provenance(case, options.command_line)
+        meshing = options.demo if options.mesh is None else options.mesh
+        if meshing:
+            progress.plan_last(planned_steps(coarse(case), states_of(case)[:1]))
+        result = run_case(case, progress=progress)
+        meshes, part = coarse_mesh(case, progress) if meshing else ({}, None)
+        progress.step("writing the report")
+        document = {**case_document(result, origin), "mesh": part}
+        page = html_report(document, embedded(meshes))
+        written = write_tree(
+            folder,
+            lambda part: write_meshes(part, meshes, ("vtu",), case.mesh.unit),
+            {REPORT_FILE: page, RESULT_FILE: to_json(document)},
+            before=lambda names: make_way(folder, document, note, names),
+        )
+    return Answer(document, written)
+
+
+def calibrate_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+    """Find the scale of the outlet's resistances."""
+    with at_work(folder, note), Progress() as progress:
+        origin = provenance(case, options.command_line)
+        patient, tuning = calibrate_case(case, progress=progress)
+        document = calibration_document(patient, tuning, origin)
+        written = write_files(
+            folder,
+            {CALIBRATION_FILE: to_json(document)},
+            before=lambda names: make_way(folder, document, note, names),
+        )
+    return Answer(document, written)
+
+
+def sweep_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+    """Ratios and flows over a range of that scale."""
+    with at_work(folder, note), Progress() as progress:
+        origin = provenance(case, options.command_line)
+        progress.plan({"sweeping alpha": 8.0})
+        progress.step("sweeping alpha")
+        found = sweep_case(case, options.alpha, condition=options.condition, rule=options.rule)
+        document = {**found, "provenance": origin}
+        files = {
+            TABLE_FILE: sweep_table(document),
+            FIGURE_FILE: sweep_figure(document),
+            SWEEP_FILE: to_json(document),
+        }
+        written = write_files(
+            folder, files, before=lambda names: make_way(folder, document, note, names)
+        )
+    return Answer(document, written)

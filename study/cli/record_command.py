@@ -1,0 +1,97 @@
+"""The commands on records, `diagnose` and `plan-measurement`."""
+
+import argparse
+import pathlib
+
+from diagnosis import Record
+from study.cli.command_output import Answer, note
+from study.report.diagnosis_report import diagnosis_report
+from study.report.diagnosis_results import diagnosis_document
+from study.report.results import Document
+from study.run.diagnosis import diagnose_record, plan_record, record_origin, with_case
+from study.run.diagnosis_in_3d import gap_in_3d, study_in_3d
+from study.run.progress import Progress
+from study.store.earlier_run import make_way
+from study.store.folder_lock import at_work
+from study.store.output import write_files
+from study.store.result_files import DIAGNOSIS_FILE, DIAGNOSIS_PAGE, PLAN_FILE
+from study.store.stored_document import to_json
+
+
+def diagnose_command(
+    options: argparse.Namespace,
+    record: Record,
+    remarks: tuple[str, ...],
+    folder: pathlib.Path,
+) -> Answer:
+    """Diagnose a record and write its page; then, where asked for, the gap in 3D beside it.
+
+    Args:
+        options: of the command line.
+        record: the record.
+        remarks: what it lacks.
+        folder: a checked folder.
+
+    Raises:
+        CaseError: the case is faulty.
+        RuntimeError: a 3D run failed; the diagnosis without it is written.
+        KeyboardInterrupt: the user interrupted one; likewise.
+    """
+    record, remarks = _known(options, record, remarks)
+    with at_work(folder, note), Progress() as progress:
+        origin = record_origin(options.record, options.command_line, options.case)
+        study = study_in_3d(options, record, progress)
+        diagnosis = diagnose_record(record, options.richness, progress)
+        progress.step("writing the report")
+        document = diagnosis_document(record, remarks, diagnosis, origin)
+        written = _write(folder, document)
+        if study is not None:
+            part = gap_in_3d(record, diagnosis, study, options.in_3d, folder, progress)
+            document = {**document, "in_3d": part}
+            progress.step("writing the report")
+            written = _write(folder, document)
+    return Answer(document, written)
+
+
+def plan_command(
+    options: argparse.Namespace,
+    record: Record,
+    remarks: tuple[str, ...],
+    folder: pathlib.Path,
+) -> Answer:
+    """Say what to measure next, before there are data.
+
+    Args:
+        options: of the command line.
+        record: the record.
+        remarks: what it lacks.
+        folder: a checked folder.
+
+    Raises:
+        CaseError: the case is faulty.
+    """
+    record, _ = _known(options, record, remarks)
+    with at_work(folder, note), Progress() as progress:
+        origin = record_origin(options.record, options.command_line, options.case)
+        document = plan_record(record, progress, origin)
+        written = write_files(
+            folder,
+            {PLAN_FILE: to_json(document)},
+            before=lambda names: make_way(folder, document, note, names),
+        )
+    return Answer(document, written)
+
+
+def _known(
+    options: argparse.Namespace, record: Record, remarks: tuple[str, ...]
+) -> tuple[Record, tuple[str, ...]]:
+    """The record with what its case knows, and what it lacks."""
+    if options.case is None:
+        return record, remarks
+    record, more = with_case(record, options.case)
+    return record, (*remarks, more)
+
+
+def _write(folder: pathlib.Path, document: Document) -> list[pathlib.Path]:
+    files = {DIAGNOSIS_PAGE: diagnosis_report(document), DIAGNOSIS_FILE: to_json(document)}
+    return write_files(folder, files, before=lambda names: make_way(folder, document, note, names))

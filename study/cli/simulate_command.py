@@ -1,0 +1,95 @@
+"""The command `simulate`."""
+
+import argparse
+import dataclasses
+import pathlib
+
+from study.case.anatomy import MeshAnatomy
+from study.case.model import Case
+from study.cli.command_output import Answer, note
+from study.report.page import simulation_report
+from study.report.pictures.simulation import draw_simulation
+from study.report.simulation_results import (
+    SERIES_FILE,
+    Drawn,
+    embedded_pictures,
+    simulation_document,
+    write_pictures,
+)
+from study.run.anatomy_source import case_anatomy
+from study.run.mesh import chosen_state, mesh_state, planned_steps
+from study.run.opening_checks import check_names, check_openings
+from study.run.openings import inlet_of
+from study.run.progress import Progress
+from study.run.setup import check_simulation, plan_steps, prepare_simulation
+from study.run.simulation import STEP_NAME, Outcome, march_seconds, run_simulation
+from study.store.earlier_run import can_go_on, make_way, set_run_aside
+from study.store.folder_lock import at_work
+from study.store.output import write_tree
+from study.store.provenance import provenance
+from study.store.result_files import SIMULATION_FILE, SIMULATION_PAGE
+from study.store.stored_document import to_json
+
+
+def simulate_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+    """Run blood and wall in 3D, or go on with the run of the folder."""
+    check_names(case, segment=True)
+    check_simulation(case, options.condition, rigid=options.rigid, dt=options.dt)
+    schedule = plan_steps(case, options.condition, dt=options.dt, cycles=options.cycles)
+    if options.preset is not None:
+        case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
+    state = chosen_state(case, options.state)
+    with at_work(folder, note), Progress() as progress:
+        origin = provenance(case, options.command_line)
+        progress.plan(
+            {
+                **planned_steps(case, [state]),
+                "preparing": 20.0 if options.rigid else 80.0,
+                STEP_NAME: march_seconds(case.mesh.preset, schedule.n_steps),
+            }
+        )
+        mesh = mesh_state(case, state, progress).mesh
+        check_openings(case, mesh, rigid=options.rigid, segment=True)
+        progress.step("preparing")
+        setup = prepare_simulation(
+            case, mesh, options.condition, schedule, rigid=options.rigid, alpha=options.alpha
+        )
+        if options.restart or not can_go_on(folder):
+            aside = set_run_aside(folder)
+            if aside is not None:
+                note(f"moved the earlier run to {aside}")
+        progress.step(STEP_NAME)
+        outcome = run_simulation(case, setup, folder, progress)
+        progress.step("drawing")
+        anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
+        inlet = inlet_of(outcome.record, setup.model.names)
+        series = folder / SERIES_FILE
+        drawn = Drawn(*draw_simulation(series, setup.mesh, anatomy, inlet, schedule.period))
+        progress.step("writing the report")
+        document = simulation_document(
+            case, options.condition, setup, outcome, drawn, folder, origin
+        )
+        page = simulation_report(document, embedded_pictures(drawn))
+        written = write_tree(
+            folder,
+            lambda part: write_pictures(part, drawn),
+            {SIMULATION_PAGE: page, SIMULATION_FILE: to_json(document)},
+            before=lambda names: make_way(folder, document, note, names),
+        )
+    return Answer(document, written, _ending(outcome, folder))
+
+
+def _ending(outcome: Outcome, folder: pathlib.Path) -> BaseException | None:
+    """Why a run ended early; None where it did not."""
+    if outcome.interrupted:
+        return KeyboardInterrupt(
+            f"interrupted; all whole chunks that were computed are in {folder}. "
+            "Give the same command again to go on; --restart starts anew."
+        )
+    if outcome.failure:
+        kept = f" What was computed before is in {folder}." if outcome.record.n_steps else ""
+        return RuntimeError(
+            f"{outcome.failure}{kept}\n"
+            "    try: a smaller step with --dt; check alpha and the pressures of the case"
+        )
+    return None

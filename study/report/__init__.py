@@ -1,0 +1,1 @@
+"""Documents, figures and pages of results."""

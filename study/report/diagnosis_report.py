@@ -1,0 +1,16 @@
+"""The report of a diagnosis: one HTML page that stands alone, made from the document."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from study.report.diagnosis_figures import diagnosis_figures
+from study.report.page import rendered, safe
+
+
+def diagnosis_report(document: Mapping[str, Any]) -> str:
+    """The report of a diagnosis as HTML, its figures inside.
+
+    Args:
+        document: what `diagnosis_document` made, fresh or read back.
+    """
+    return rendered("diagnosis.html", d=document, fig=safe(diagnosis_figures(document)))

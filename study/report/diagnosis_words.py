@@ -1,0 +1,180 @@
+"""What a diagnosis says and advises, in sentences for people who have to act on it."""
+
+from collections.abc import Mapping
+
+from diagnosis import Diagnosis, Effect, find_effect
+from diagnosis.next_measurement import next_measurements
+from diagnosis.shrink import held_out_gap
+from diagnosis.verdict import NO_GAP
+from diagnosis.where import forcing_shares
+from study.report.number_formats import with_sd
+
+LISTED, MOST_LISTED = 0.05, 5
+"""Probability from which a cause of an ambiguous set is listed, and how many are."""
+
+DEMONSTRATED = 0.05
+"""Chance from noise alone below which the misfit of the base model is a gap."""
+
+LIKELY_PLACE = 0.1
+"""Share of a free forcing's evidence from which its place is told."""
+
+_LOOK = {
+    "ostium": "the ostium and proximal vessel (narrowing over the beat)",
+    "wall": "the vessel walls",
+    "microvasculature": "the microvessels (resistance over the beat)",
+    "pump": "the heart muscle's squeeze (its time course, how long it ejects)",
+    "inlet": "the aortic pressure that the model is given",
+    "aortic sensor": "the aortic catheter (damping, whip, clipping)",
+    "distal sensor": "the pressure wire (echo, whip, clipping, contact with the wall)",
+}
+
+
+def sentence(diagnosis: Diagnosis, chance: float) -> str:
+    """The verdict in a sentence or two.
+
+    Args:
+        diagnosis: the diagnosis.
+        chance: that noise alone leaves so large a misfit of the base model.
+    """
+    judgement, effects = diagnosis.judgement, diagnosis.effects
+    if judgement.verdict == "no_gap":
+        return (
+            "No gap can be demonstrated: measurement error and the patient's unknowns explain the "
+            "record. Effects that calibration absorbs may still act."
+        )
+    if judgement.verdict == "named":
+        parts = [find_effect(effects, name).sentence for name in judgement.named]
+        what = "The gap" if chance < DEMONSTRATED else "The record"
+        return f"{what} is explained: {'; and '.join(parts)}."
+    if judgement.verdict == "unknown":
+        return _partly(diagnosis, chance)
+    return f"{_found(diagnosis, chance)}; the data cannot tell between: {_several(diagnosis)}."
+
+
+def _found(diagnosis: Diagnosis, chance: float) -> str:
+    """Whether there is a gap: the base model misses the data, or fits them with odd unknowns."""
+    if chance < DEMONSTRATED:
+        return "There is a gap"
+    none = diagnosis.judgement.probabilities["none"]
+    return (
+        f"The base model meets the data within their noise (p = {chance:.2g}), so no gap is "
+        f"demonstrated, but it needs unusual unknowns (probability of no gap {none:.2g})"
+    )
+
+
+def _several(diagnosis: Diagnosis) -> str:
+    """The likeliest of a set, and how many more there are."""
+    names = diagnosis.judgement.named
+    likely = [n for n in names if diagnosis.judgement.probabilities[n] >= LISTED][:MOST_LISTED]
+    likely = likely or list(names[:MOST_LISTED])
+    more = len(names) - len(likely)
+    rest = f"; and {more} less likely causes or pairs" if more > 1 else ""
+    return ", ".join(_plain(n) for n in (likely if more > 1 else names)) + rest
+
+
+def _partly(diagnosis: Diagnosis, chance: float) -> str:
+    """The verdict where something acts that is not in the catalogue."""
+    beside = max(diagnosis.beside, key=lambda h: diagnosis.beside[h])
+    if beside and diagnosis.beside[beside] >= 0.5:
+        parts = "; and ".join(find_effect(diagnosis.effects, name).sentence for name in beside)
+        return f"The gap is explained in part: {parts}. What is left is not in the catalogue."
+    near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
+    return (
+        f"{_found(diagnosis, chance)}, and no effect of the catalogue explains it. "
+        f"The nearest is {near}, which leaves a part."
+    )
+
+
+def to_do(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
+    """What follows from the verdict, in order.
+
+    Args:
+        diagnosis: the diagnosis.
+        conditions: names of the record's conditions.
+    """
+    verdict = diagnosis.judgement.verdict
+    if verdict == "no_gap":
+        steps = ["Use the calibrated model as it is."]
+        if diagnosis.record.n_sensors == 0:
+            steps.append(
+                "Few effects show in pressure ratios or means. To look further, record both "
+                "pressures over the beat, and the mean flow."
+            )
+        return [*steps, *doubts(diagnosis.judgement.probabilities)]
+    if verdict == "named":
+        return [*_additions(diagnosis), *_held_out(diagnosis, conditions)]
+    if verdict == "ambiguous":
+        measurements = [
+            f"Measure: {n.sensor}. It tells {_plain(n.separates[0])} from {_plain(n.separates[1])}."
+            for n in next_measurements(diagnosis, 1)
+        ]
+        return [
+            "Add nothing to the model yet: predictions differ with the cause.",
+            *(measurements or ["No single measurement on the list would tell them apart."]),
+        ]
+    beside = max(diagnosis.beside, key=lambda h: diagnosis.beside[h])
+    shares = forcing_shares(diagnosis, beside)
+    places = sorted((n for n in shares if shares[n] >= LIKELY_PLACE), key=lambda n: -shares[n])
+    return [
+        "Do not rely on this model for a condition that was not measured.",
+        "Look at the instruments first, then where a disturbance would mimic the gap best: "
+        + "; ".join(f"{_LOOK[n]}, share {shares[n]:.2f}" for n in places)
+        + ". Places that leave the same trace cannot be told apart.",
+    ]
+
+
+def doubts(probabilities: Mapping[str, float]) -> list[str]:
+    """What speaks against a verdict of no gap, where that is not the most probable.
+
+    Args:
+        probabilities: see `Judgement`.
+    """
+    likeliest = max(probabilities, key=lambda name: probabilities[name])
+    if likeliest == "none":
+        return []
+    return [
+        f"Keep in mind: {_plain(likeliest)} has probability {probabilities[likeliest]:.2f}, no gap "
+        f"{probabilities['none']:.2f}. To avoid false alarms a gap is stated only where the latter "
+        f"is below {NO_GAP:.2f}; a second or quieter record would decide."
+    ]
+
+
+def size_of(effect: Effect, size: float, sd: float) -> str:
+    """The size of an effect with its standard deviation and unit."""
+    return with_sd(size, sd) + ("" if effect.unit == "-" else f" {effect.unit}")
+
+
+def _additions(diagnosis: Diagnosis) -> list[str]:
+    best = diagnosis.judgement.best
+    steps = []
+    for name in diagnosis.judgement.named:
+        effect = find_effect(diagnosis.effects, name)
+        h = best if name in best else (name,)
+        fitted = diagnosis.fits[h]
+        size = float(fitted.sizes[[e.id for e in diagnosis.effects].index(name)])
+        sd = float(fitted.size_sd[h.index(name)])
+        verb = "Correct the record for" if effect.place == "sensor" else "Add to the model:"
+        stated = size_of(effect, size, sd)
+        steps.append(f"{verb} {_plain(name)}, {stated}. To be sure: {effect.settled_by}.")
+    return steps
+
+
+def _held_out(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
+    steps = []
+    for h in held_out_gap(diagnosis):
+        if h.P_distal_rms is None:
+            continue
+        before, after, floor = h.P_distal_rms
+        better = "shrinks" if after < before else "does not shrink"
+        steps.append(
+            f"Checked on {_plain(conditions[h.condition])}, which took no part in the fit: the "
+            f"error of the distal pressure {better}, {before:.1f} to {after:.1f} mmHg (noise alone "
+            f"{floor:.1f})."
+        )
+    return steps
+
+
+def _plain(name: str) -> str:
+    return {"none": "no gap", "unknown": "something not in the catalogue"}.get(
+        name, name.replace("_", " ").replace("+", " with ")
+    )

@@ -1,0 +1,82 @@
+"""The document of the command `mesh`, and the files that hold its meshes."""
+
+import base64
+import pathlib
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from jaxfsi import Mesh
+from jaxfsi.mesh_files import Unit, write_mesh, write_mesh_complete
+from study.case.model import Case
+from study.run.mesh import mesh_part
+from study.store.meshes import StateMesh
+from study.store.result_files import MESH_PICTURES as PICTURE_FOLDER
+from study.store.stored_document import FORMAT
+
+FOLDER_SUFFIX = "-mesh-complete"
+
+
+def mesh_document(
+    case: Case, states: Mapping[str, StateMesh], formats: Sequence[str], provenance: dict[str, Any]
+) -> dict[str, Any]:
+    """The document of the command."""
+    return {
+        "format": FORMAT,
+        "kind": "mesh",
+        "patient": case.id,
+        **mesh_part(case, states),
+        "mesh_files": {name: mesh_names(name, made.mesh, formats) for name, made in states.items()},
+        "provenance": provenance,
+    }
+
+
+def mesh_names(state: str, mesh: Mesh, formats: Sequence[str]) -> list[str]:
+    """Names of what is written for a state, relative to the output folder."""
+    names = [f"{state}.{kind}" for kind in formats if kind != "folder"]
+    return names + ([f"{state}{FOLDER_SUFFIX}"] if "folder" in formats else [])
+
+
+def write_meshes(
+    folder: pathlib.Path, states: Mapping[str, StateMesh], formats: Sequence[str], unit: Unit
+) -> None:
+    """Write the meshes of all states, and their pictures, into a folder that is being filled."""
+    for state, made in states.items():
+        for name in mesh_names(state, made.mesh, formats):
+            if name.endswith(FOLDER_SUFFIX):
+                _write_complete(folder / name, made.mesh, unit)
+            else:
+                write_mesh(folder / name, made.mesh, unit=unit)
+        for name, content in made.pictures.items():
+            pictures = folder / PICTURE_FOLDER
+            pictures.mkdir(exist_ok=True)
+            (pictures / f"{state}-{name}.png").write_bytes(content)
+
+
+def _write_complete(folder: pathlib.Path, mesh: Mesh, unit: Unit) -> None:
+    folder.mkdir()
+    held = {int(region) for region in set(mesh.region.tolist())}
+    fluid = folder / "fluid" if 0 in held else None
+    solid = folder / "solid" if 1 in held else None
+    write_mesh_complete(fluid, solid, mesh, unit=unit)
+
+
+def embedded(states: Mapping[str, StateMesh]) -> dict[str, dict[str, str]]:
+    """Pictures of each state as texts that stand inside HTML."""
+    return {
+        state: {name: picture_text(content) for name, content in made.pictures.items()}
+        for state, made in states.items()
+    }
+
+
+def stored_pictures(folder: pathlib.Path, document: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """The same of pictures that lie in an output folder; those that are gone are left out."""
+    found: dict[str, dict[str, str]] = {}
+    for state, entry in document["states"].items():
+        paths = {n: folder / PICTURE_FOLDER / f"{state}-{n}.png" for n in entry["pictures"]}
+        found[state] = {n: picture_text(p.read_bytes()) for n, p in paths.items() if p.is_file()}
+    return found
+
+
+def picture_text(content: bytes) -> str:
+    """A PNG file as the address of a picture."""
+    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")

@@ -1,0 +1,273 @@
+"""The document of the command `simulate`, and the pictures beside it."""
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxfsi import Mesh, Region
+from jaxfsi.core.laws.ports import BlockPort
+from jaxfsi.core.step.model import Model
+from jaxfsi.fields import read_series
+from jaxfsi.simulation import Record, ShearMeans, SolverChoice
+from lumped import ML_PER_MIN, MMHG
+from study.case.model import Case
+from study.report.mesh_results import picture_text
+from study.run.openings import INLET, SEGMENT_INLET, distal_name, is_segment
+from study.run.setup import Setup
+from study.run.simulation import Outcome
+from study.store.document_rows import ratio_name
+from study.store.result_files import FIELD_FOLDER
+from study.store.result_files import SIMULATION_PICTURES as PICTURE_FOLDER
+from study.store.stored_document import FORMAT
+
+SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
+_MOST_SAMPLES = 3000
+
+
+@dataclasses.dataclass(frozen=True)
+class Drawn:
+    """Pictures of a run.
+
+    Attributes:
+        pictures: PNG files by name.
+        times: instants that they show [s].
+        note: why there are none, if so.
+    """
+
+    pictures: dict[str, bytes]
+    times: list[float]
+    note: str | None
+
+
+def simulation_document(
+    case: Case,
+    condition: str,
+    setup: Setup,
+    outcome: Outcome,
+    drawn: Drawn,
+    folder: pathlib.Path,
+    provenance: dict[str, Any],
+) -> dict[str, Any]:
+    """The document of the command."""
+    plan, record = setup.schedule, outcome.record
+    cycles = cycle_means(record, setup.model.names, plan.period)
+    whole = [cycle for cycle in cycles if cycle["complete"]]
+    name = ratio_name(condition)
+    return {
+        "format": FORMAT,
+        "kind": "simulate",
+        "patient": case.id,
+        "condition": condition,
+        "rigid": setup.model.is_rigid,
+        "material": None if setup.model.is_rigid else case.wall.material,
+        "wall_element": None if setup.model.is_rigid else case.wall.element,
+        "ratio_name": name,
+        name: whole[-1]["ratio"] if whole else None,
+        "measured": case.conditions[condition].ffr,
+        "failure": outcome.failure,
+        "interrupted": outcome.interrupted,
+        "notes": _notes(case, condition, setup, outcome, cycles),
+        "period_s": plan.period,
+        "alpha": float(setup.outlets.alpha),
+        "alpha_origin": setup.outlets.alpha_origin,
+        "ports": _ports(setup.model),
+        "cycles": cycles,
+        "wall_shear": _shear(outcome.shear),
+        "mesh": _mesh(setup.mesh),
+        "solver": _solver(case, setup, outcome),
+        "events": outcome.events,
+        "frames": len(read_series(folder / SERIES_FILE)),
+        "pictures": list(drawn.pictures),
+        "picture_times_s": drawn.times,
+        "picture_note": drawn.note,
+        "sources": case.source,
+        "remarks": case.notes,
+        "provenance": provenance,
+        "history": _history(record, setup.model.names),
+    }
+
+
+def cycle_means(record: Record, names: tuple[str, ...], period: float) -> list[dict[str, Any]]:
+    """Means, least and largest values of each opening in each cycle, steps weighed by length."""
+    if not record.n_steps:
+        return []
+    number = np.floor((record.t - 0.5 * record.dt) / period).astype(int)
+    found = []
+    for k in range(int(number[-1]) + 1):
+        part = number == k
+        weight = record.dt[part] / record.dt[part].sum()
+        ports = {
+            name: _spread(
+                record.P_port[part, i] / MMHG, record.Q_port[part, i] / ML_PER_MIN, weight
+            )
+            for i, name in enumerate(names)
+            if _is_opening(name)
+        }
+        means = {name: entry["mean_P_mmHg"] for name, entry in ports.items()}
+        distal = distal_name(means)
+        aorta = means.get(INLET, means.get(SEGMENT_INLET))
+        found.append(
+            {
+                "cycle": k + 1,
+                "complete": bool(record.dt[part].sum() > period * (1.0 - 1e-6)),
+                "ports": ports,
+                "ratio": means[distal] / aorta if distal and aorta else None,
+                "net_outflow_ml": float(
+                    np.sum(record.dt[part, None] * record.Q_port[part][:, _openings(names)])
+                ),
+            }
+        )
+    return found
+
+
+def _is_opening(name: str) -> bool:
+    return name != "outer_wall"
+
+
+def _openings(names: tuple[str, ...]) -> list[int]:
+    return [i for i, name in enumerate(names) if _is_opening(name)]
+
+
+def _spread(P: np.ndarray, Q: np.ndarray, weight: np.ndarray) -> dict[str, float]:
+    return {
+        "mean_P_mmHg": float(weight @ P),
+        "least_P_mmHg": float(P.min()),
+        "largest_P_mmHg": float(P.max()),
+        "mean_Q_ml_per_min": float(weight @ Q),
+        "least_Q_ml_per_min": float(Q.min()),
+        "largest_Q_ml_per_min": float(Q.max()),
+    }
+
+
+def _ports(model: Model) -> dict[str, dict[str, Any]]:
+    """Kind and parameters of each opening."""
+    found: dict[str, dict[str, Any]] = {}
+    for name, port in zip(model.names, model.ports, strict=True):
+        if not _is_opening(name):
+            continue
+        if isinstance(port, BlockPort):
+            block = port.block
+            values = {f.name: getattr(block, f.name) for f in dataclasses.fields(block)}
+            numbers = {n: float(v) for n, v in values.items() if isinstance(v, jax.Array)}
+            found[name] = {"kind": type(block).__name__, **numbers}
+        else:
+            found[name] = {"kind": "pressure"}
+    return found
+
+
+def _shear(means: ShearMeans | None) -> dict[str, float] | None:
+    if means is None:
+        return None
+    return {
+        "mean_tawss_dyn_per_cm2": float(means.tawss.mean()),
+        "p99_tawss_dyn_per_cm2": float(np.percentile(means.tawss, 99.0)),
+        "mean_osi": float(means.osi.mean()),
+        "duration_s": means.duration,
+    }
+
+
+def _mesh(mesh: Mesh) -> dict[str, Any]:
+    counts = {r.name.lower(): int(np.sum(mesh.region == r)) for r in Region}
+    return {"nodes": len(mesh.points), "tets": counts, "openings": list(mesh.openings)}
+
+
+def _solver(case: Case, setup: Setup, outcome: Outcome) -> dict[str, Any]:
+    plan, record = setup.schedule, outcome.record
+    n = record.n_steps
+    done = round(float(record.step[-1])) if n else 0
+    return {
+        "dt_s": plan.dt,
+        "steps_planned": plan.n_steps,
+        "steps_per_cycle": plan.per_cycle,
+        "steps_done": done,
+        "steps_taken": n,
+        "resumed_from": outcome.resumed_from,
+        "seconds_per_step": outcome.pace,
+        "seconds": outcome.seconds,
+        "mean_iterations": float(record.n_linear.mean()) if n else None,
+        "largest_iterations": int(record.n_linear.max()) if n else None,
+        "largest_residual": float(record.residual.max()) if n else None,
+        "least_volume": float(record.least_volume.min()) if n else None,
+        "tolerance": case.solver.tolerance or SolverChoice().tolerance,
+        "change_limit": case.solver.change_limit,
+    }
+
+
+def _notes(
+    case: Case, condition: str, setup: Setup, outcome: Outcome, cycles: list[dict[str, Any]]
+) -> list[dict[str, str]]:
+    notes = []
+    if outcome.failure:
+        notes.append(("warning", outcome.failure))
+    if outcome.interrupted:
+        notes.append(("warning", "the run was interrupted; the same command goes on with it"))
+    if not any(cycle["complete"] for cycle in cycles):
+        notes.append(
+            ("warning", "no cycle is complete: means and ratio are of a part of the first")
+        )
+    if outcome.events:
+        text = f"{len(outcome.events)} steps failed and were repeated with smaller ones"
+        notes.append(("info", text))
+    if not setup.model.is_rigid:
+        P = case.conditions.get("rest", case.conditions[condition]).P_diastolic / MMHG
+        text = f"the wall carries the diastolic pressure, {P:.0f} mmHg, in the shape of the image"
+        if case.wall.prestress == "none":
+            text = (
+                f"the wall is taken to be free of stress at the diastolic pressure, {P:.0f} mmHg,"
+                " which also acts on its outside"
+            )
+        notes.append(("info", text))
+    if is_segment(setup.mesh.openings):
+        text = (
+            "a vessel without the aorta: the aortic pressure of the condition acts at its inlet,"
+            " and the coronary bed of the case, times alpha, lies behind each outlet"
+        )
+        notes.append(("info", text))
+    if setup.outlets.alpha_origin.startswith("nominal"):
+        notes.append(("info", f"alpha = 1, {setup.outlets.alpha_origin}"))
+    return [{"level": level, "text": text} for level, text in notes]
+
+
+def _history(record: Record, names: tuple[str, ...]) -> dict[str, Any]:
+    """Every step, or every so-manieth where there are many."""
+    some = slice(None, None, max(1, -(-record.n_steps // _MOST_SAMPLES)))
+
+    def numbers(values: np.ndarray) -> list[float]:
+        return [float(f"{value:.6g}") for value in values[some].tolist()]
+
+    openings = {name: i for i, name in enumerate(names) if _is_opening(name)}
+    return {
+        "ports": list(openings),
+        "t_s": numbers(record.t),
+        "dt_s": numbers(record.dt),
+        "P_mmHg": {name: numbers(record.P_port[:, i] / MMHG) for name, i in openings.items()},
+        "Q_ml_per_min": {
+            name: numbers(record.Q_port[:, i] / ML_PER_MIN) for name, i in openings.items()
+        },
+        "n_linear": record.n_linear[some].tolist(),
+        "residual": numbers(record.residual),
+        "change": numbers(record.change),
+        "least_volume": numbers(np.minimum(record.least_volume, 1e9)),
+    }
+
+
+def write_pictures(folder: pathlib.Path, drawn: Drawn) -> None:
+    """Write the pictures of a run into a folder that is being filled."""
+    for name, content in drawn.pictures.items():
+        (folder / PICTURE_FOLDER).mkdir(exist_ok=True)
+        (folder / PICTURE_FOLDER / f"{name}.png").write_bytes(content)
+
+
+def embedded_pictures(drawn: Drawn) -> dict[str, str]:
+    """Pictures as texts that stand inside HTML."""
+    return {name: picture_text(content) for name, content in drawn.pictures.items()}
+
+
+def stored_simulation_pictures(folder: pathlib.Path, document: Mapping[str, Any]) -> dict[str, str]:
+    """The same of pictures that lie in an output folder; those that are gone are left out."""
+    paths = {n: folder / PICTURE_FOLDER / f"{n}.png" for n in document["pictures"]}
+    return {n: picture_text(p.read_bytes()) for n, p in paths.items() if p.is_file()}

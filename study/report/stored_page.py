@@ -1,0 +1,64 @@
+"""The page of a stored result, drawn again from its document and the pictures beside it."""
+
+import pathlib
+
+from study.case.faults import CaseError, Fault
+from study.cli.cohort_command import cohort_report
+from study.report.algorithm_report import stored_study_report
+from study.report.diagnosis_report import diagnosis_report
+from study.report.mesh_results import stored_pictures
+from study.report.page import html_report, simulation_report
+from study.report.results import Document
+from study.report.simulation_results import stored_simulation_pictures
+from study.store.result_files import (
+    COHORT_PAGE,
+    DIAGNOSIS_PAGE,
+    PAGE_FILE,
+    REPORT_FILE,
+    SIMULATION_PAGE,
+    STUDY_PAGE,
+)
+
+_NAMES = {
+    "mesh": PAGE_FILE,
+    "simulate": SIMULATION_PAGE,
+    "study": STUDY_PAGE,
+    "cohort": COHORT_PAGE,
+    "diagnose": DIAGNOSIS_PAGE,
+}
+
+
+WITHOUT_PAGE = ("calibrate", "sweep", "plan")
+"""Kinds of results that consist of numbers alone."""
+
+
+def page_name(document: Document) -> str:
+    """Name of the file of a document's page."""
+    return _NAMES.get(document["kind"], REPORT_FILE)
+
+
+def stored_page(result: pathlib.Path, document: Document) -> str:
+    """The page of a stored result.
+
+    Args:
+        result: its file or folder.
+        document: what the file holds.
+
+    Raises:
+        CaseError: there is no page of such a result.
+        KeyError, TypeError, IndexError, ValueError: a part of it is missing or damaged.
+    """
+    if document["kind"] in WITHOUT_PAGE:
+        cure = "leave out --out: the result is printed"
+        raise CaseError([Fault(result, "", None, "a result of this kind has no page", "", cure)])
+    folder = result if result.is_dir() else result.parent
+    if document["kind"] == "cohort":
+        return cohort_report(document)
+    if document["kind"] == "study":
+        return stored_study_report(folder, document)
+    if document["kind"] == "diagnose":
+        return diagnosis_report(document)
+    if document["kind"] == "simulate":
+        return simulation_report(document, stored_simulation_pictures(folder, document))
+    part = document if document["kind"] == "mesh" else document.get("mesh") or {}
+    return html_report(document, stored_pictures(folder, part) if "states" in part else {})

@@ -1,0 +1,82 @@
+"""From a case and the conditions at its openings to a model, its wall prestressed.
+
+The wall carries a pressure in the shape of the image, against no pressure outside, by prestress; a
+case can have it free of stress there instead, with that pressure outside.
+"""
+
+from collections.abc import Callable, Mapping
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxfsi import OUTER_WALL, Mesh
+from jaxfsi.core.laws.fluid import Blood
+from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
+from jaxfsi.core.laws.ports import Port, PressurePort
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
+from jaxfsi.core.statics.prestress import prestressed
+from jaxfsi.core.step.model import Model, build_model
+from lumped.waveforms import Constant
+from study.case.model import Case
+
+MATERIALS = {
+    "linear": LinearElastic,
+    "saint_venant_kirchhoff": SaintVenantKirchhoff,
+    "neo_hookean": NeoHookean,
+}
+"""Elastic laws of the wall by name."""
+
+Keep = Callable[[float, Callable[[], np.ndarray]], np.ndarray]
+"""Gives the prestress at a pressure [dyn/cm²]: one that it kept, or what the function finds."""
+
+
+def case_model(
+    case: Case,
+    mesh: Mesh,
+    ports: Mapping[str, Port],
+    P_image: float,
+    *,
+    rigid: bool = False,
+    keep: Keep | None = None,
+) -> Model:
+    """The model of a case with given ports, its wall prestressed as the case says.
+
+    Args:
+        case: the case.
+        mesh: its mesh; blood alone where the wall is rigid.
+        ports: condition of every opening.
+        P_image: pressure of the blood in the image [dyn/cm²].
+        rigid: whether the mesh has no wall.
+        keep: hands a prestress out again that was found before, see `Keep`.
+
+    Raises:
+        RuntimeError: no prestress was found.
+    """
+    loaded = not rigid and case.wall.prestress == "diastole"
+    outside = {OUTER_WALL: PressurePort(Constant(0.0))} if loaded else {}
+    wall = None
+    if not rigid:
+        wall = Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s)
+    model = build_model(
+        mesh,
+        {**ports, **outside},
+        blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
+        wall=wall,
+        wall_element=case.wall.element,
+        P_ambient=P_image,
+    )
+    if not loaded:
+        return model
+
+    def found() -> np.ndarray:
+        # from the ambient pressure the lumen is free of load, and the outside is pulled
+        pull = pressure_load(mesh, OUTER_WALL, -P_image, model)
+        return np.asarray(prestressed(model, Loads((pull,)), static_factor(model)).model.prestress)
+
+    stress = found() if keep is None else keep(P_image, found)
+    return eqx.tree_at(
+        lambda m: m.prestress, model, jnp.asarray(stress), is_leaf=lambda leaf: leaf is None
+    )

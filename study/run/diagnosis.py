@@ -1,0 +1,161 @@
+"""Runs the diagnosis of one record, and the plan of its next measurement, with progress shown."""
+
+import dataclasses
+import math
+import pathlib
+from collections.abc import Sequence
+
+from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, stacked
+from lumped.units import MMHG_S_PER_ML
+from study.case.faults import CaseError, Fault
+from study.case.model import read_case
+from study.case.record import record_path
+from study.case.record_tables import R0_SD_LOG
+from study.report.diagnosis_results import Document, plan_document
+from study.run.progress import Progress
+from study.store.provenance import origin
+from study.store.result_files import STUDY_FILE
+from study.store.stored_document import load_document
+
+STEPS = {
+    "fitting the base model": 8.0,
+    "fitting every effect": 20.0,
+    "fitting from a second start": 1.0,
+    "fitting pairs of effects": 4.0,
+    "writing the report": 8.0,
+}
+"""Steps of a diagnosis and the seconds that they usually take, compilation included."""
+
+
+def diagnose_record(record: Record, richness: str | None, progress: Progress) -> Diagnosis:
+    """Diagnose one record.
+
+    Args:
+        record: the record.
+        richness: use no more than this of it, one of `diagnosis.RICHNESS`.
+        progress: told of the steps.
+    """
+    progress.plan(STEPS)
+    begun: set[str] = set()
+
+    def tell(step: str, done: int, of: int) -> None:
+        if step not in begun:
+            begun.add(step)
+            progress.step(step)
+
+    progress.step("fitting the base model")
+    begun.add("fitting the base model")
+    return diagnose(stacked([measured(record, richness)]), tell=tell)[0]
+
+
+def plan_record(record: Record, progress: Progress, provenance: Document) -> Document:
+    """What to measure next; with data after a diagnosis, else from the conditions alone."""
+    settings = None
+    diagnosis = None
+    try:
+        settings = measured(record)
+    except ValueError:
+        blank = tuple(dataclasses.replace(c, ffr=0.9, beats={}) for c in record.conditions)
+        settings = measured(dataclasses.replace(record, conditions=blank))
+    else:
+        diagnosis = diagnose_record(record, None, progress)
+    progress.step("comparing sets of sensors")
+    return plan_document(record, diagnosis, settings, CATALOGUE, provenance)
+
+
+def record_origin(
+    place: pathlib.Path, command: Sequence[str], case: pathlib.Path | None = None
+) -> Document:
+    """What must be known to compute the result of a record again.
+
+    Args:
+        place: the record's file or folder.
+        command: the command as it was given.
+        case: the case or the finished study that was used with it.
+    """
+    file = record_path(place)
+    files = [file, *sorted(file.parent.glob("*.csv"))]
+    if case is not None:
+        files.append(case / STUDY_FILE if case.is_dir() else case)
+    if case is not None and case.suffix != ".json" and case.is_file():
+        beside = case.parent / f"{case.stem}-results" / STUDY_FILE
+        files += [beside] if beside.is_file() else []
+    return origin(files, file.parent, command)
+
+
+def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
+    """The record with the resistance of a patient's case or finished study, and a remark.
+
+    Args:
+        record: the record.
+        place: a case file, a stored result of `jaxfsi study`, or its folder. A case that states no
+            R0 is looked up in the results beside it.
+
+    Raises:
+        CaseError: the file is neither.
+    """
+    if place.suffix == ".json" or (place / STUDY_FILE).is_file():
+        return _with_ramp(record, place)
+    case = read_case(place)
+    if case.surrogate.R0 is not None:
+        R0 = float(case.surrogate.R0) / MMHG_S_PER_ML
+        how = f"was taken from {case.path.name}"
+        return _changed(record, R0, how, case.surrogate.R0_sd_log or R0_SD_LOG)
+    beside = case.path.parent / f"{case.path.stem}-results"
+    if (beside / STUDY_FILE).is_file():
+        return _with_ramp(record, beside)
+    return record, (
+        f"The case {case.path.name} states no R0 below [surrogate] and no finished study lies in "
+        f"{beside.name}; the record's own was used."
+    )
+
+
+def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
+    """What the ramp ΔP = a Q + b Q|Q| + L dQ/dt knows of the ostium.
+
+    The whole curve; where its a is not positive, the secant at the drop at rest, or where the
+    record does not tell that, the tangent at 40 mmHg, which is larger than the resistance there.
+    """
+    document = load_document(place)
+    ramp = document.get("ramp")
+    if document.get("kind") != "study" or not isinstance(ramp, dict):
+        cure = "give a case file, or the folder of a finished jaxfsi study"
+        raise CaseError([Fault(place, "ramp", None, "no study with a ramp", "", cure)])
+    a, b, tangent = (float(ramp[k]) / MMHG_S_PER_ML for k in ("a", "b", "tangent_40_mmHg"))
+    if a > 0.0 and b > 0.0:
+        L = max(float(ramp["inertance"]) / MMHG_S_PER_ML, 0.0)
+        known = dataclasses.replace(record, R0=a, R0_sd_log=R0_SD_LOG, K=b, L=L)
+        return known, (
+            f"R0 = {a:.3g} mmHg s/ml, K = {b:.3g} mmHg s2/ml2 and L = {L:.3g} mmHg s2/ml are the "
+            f"curve of the ramp in {place.name}."
+        )
+    drop = _drop_at_rest(record)
+    if drop is None or drop <= 0.0:
+        return _changed(
+            record, tangent, f"is the tangent at 40 mmHg of the ramp in {place.name} (the record "
+            "does not tell the drop at rest)"
+        )  # fmt: skip
+    R0 = 0.5 * (a + math.sqrt(a**2 + 4.0 * b * drop))
+    return _changed(
+        record, R0, f"is the secant at {drop:.3g} mmHg, the measured drop at rest, of the ramp in "
+        f"{place.name} (its tangent at 40 mmHg: {tangent:.3g})"
+    )  # fmt: skip
+
+
+def _drop_at_rest(record: Record) -> float | None:
+    """Mean pressure drop at rest [mmHg]; None where the record does not tell."""
+    for c in record.conditions:
+        if c.drug != "none" or c.held_out:
+            continue
+        if "P_distal" in c.beats:
+            return float(c.beats["P_aorta"].mean() - c.beats["P_distal"].mean())
+        if c.mean_P_aorta is not None and c.mean_P_distal is not None:
+            return c.mean_P_aorta - c.mean_P_distal
+        if c.ffr is not None:
+            return (1.0 - c.ffr) * (c.P_systolic + 2.0 * c.P_diastolic) / 3.0
+    return None
+
+
+def _changed(record: Record, R0: float, how: str, sd_log: float = R0_SD_LOG) -> tuple[Record, str]:
+    changed = dataclasses.replace(record, R0=R0, R0_sd_log=sd_log)
+    return changed, f"R0 = {R0:.3g} mmHg s/ml {how}."

@@ -1,0 +1,269 @@
+"""Progress on standard error: the step at work and the time left, for what takes over 2 seconds.
+
+The time left is that of the plan, each step scaled by how long it took on this machine before, and
+all by how the steps of this command went. One step moves the scale little, and one that was found
+finished not at all; what a step says of itself takes over within half a minute.
+"""
+
+import contextlib
+import json
+import math
+import pathlib
+import sys
+import threading
+import time
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any
+
+from jaxfsi.fields.frame import write_whole
+from jaxfsi.text_files import regular_text
+from study.store.cache_folder import cache_folder
+
+QUIET_SECONDS = 2.0
+"""Work that ends sooner shows nothing."""
+
+_DOUBT = 60.0
+"""Seconds of the plan that weigh as much as those that went by, in the scale."""
+
+_SETTLING = 15.0
+"""Seconds in which an estimate follows what a step says of itself, by 63 %."""
+
+_FINISHED = 0.2
+"""A step that takes less than this part of its time was found finished."""
+
+_FEWEST = 2.0
+"""Expected seconds below which the duration of a step is not remembered."""
+
+_MOST_EXTREME = 20.0
+"""Factor by which a remembered duration differs from the plan at most."""
+
+_MOST_TELLING = math.log(3.0)
+"""Logarithm of a step's duration over the expected one that counts for the others at most."""
+
+
+class Progress:
+    """Shows steps of known weight; a context manager.
+
+    On a terminal one line is rewritten every half second; elsewhere a line is added at most
+    every `line_every` seconds.
+    """
+
+    def __init__(
+        self,
+        *,
+        stream: Any = None,
+        quiet_seconds: float = QUIET_SECONDS,
+        line_every: float = 5.0,
+        clock: Callable[[], float] = time.monotonic,
+        memory: pathlib.Path | None = None,
+    ):
+        """Set up; nothing is shown before the first step.
+
+        Args:
+            stream: text stream to write to; standard error by default.
+            quiet_seconds: shortest work that is shown [s].
+            line_every: least time between two lines where the stream is no terminal [s].
+            clock: gives the time [s].
+            memory: file with how long steps took before; None: in the user's cache.
+        """
+        self._stream = sys.stderr if stream is None else stream
+        self._terminal = bool(getattr(self._stream, "isatty", lambda: False)())
+        self._quiet, self._line_every = quiet_seconds, line_every
+        self._lock, self._stop = threading.Lock(), threading.Event()
+        self._plan: list[tuple[str, float]] = []
+        self._last: list[tuple[str, float]] = []
+        self._at = -1
+        self._clock = clock
+        self._start = self._step_start = clock()
+        self._memory = _Memory(memory)
+        self._done: list[tuple[float, float]] = []  # weight, logarithm of taken over expected
+        self._told: str | None = None
+        self._end: tuple[float, float] | None = None  # of the step, and when that was said
+        self._shown = False
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> "Progress":
+        """Start the clock."""
+        self._start = self._step_start = self._clock()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Stop the clock and clear the line."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+        if self._shown and self._terminal:
+            self._write("\r\x1b[K")
+        if kind is None:
+            with self._lock:
+                self._finish(self._clock())
+        self._memory.write()
+
+    def plan(self, steps: dict[str, float]) -> None:
+        """Name the steps to come, each with the seconds that it usually takes."""
+        with self._lock:
+            begun = self._plan[: max(self._at, 0)]
+            self._plan = [*begun, *steps.items(), *self._last]
+
+    def plan_last(self, steps: dict[str, float]) -> None:
+        """Name steps that come after those of every plan."""
+        with self._lock:
+            self._last = list(steps.items())
+            self._plan += self._last
+
+    def step(self, name: str) -> None:
+        """Begin a step of the plan; the steps before it count as done."""
+        with self._lock:
+            now = self._clock()
+            names = [entry for entry, _ in self._plan]
+            if name not in names[self._at + 1 :]:
+                self._plan.insert(self._at + 1, (name, 1.0))
+                names = [entry for entry, _ in self._plan]
+            self._finish(now)
+            self._at, self._step_start = names.index(name, self._at + 1), now
+            self._told = self._end = None
+
+    def _finish(self, now: float) -> None:
+        """Take note of how long the step at work took."""
+        if self._at < 0:
+            return
+        name, usual = self._plan[self._at]
+        taken = now - self._step_start
+        expected = self._expected(self._at)
+        if taken > _FINISHED * expected:
+            self._done.append((expected, _telling(taken / expected)))
+            self._memory.learn(name, usual, taken)
+
+    def tell(self, text: str, left: float | None = None) -> None:
+        """Say what the current step is at, and the seconds that it still takes.
+
+        Args:
+            text: what to show.
+            left: seconds; None where the plan knows better.
+        """
+        with self._lock:
+            now = self._clock()
+            if left is not None:
+                end, said = self._end or (now + self._current(now), now)
+                follow = -math.expm1((said - now) / _SETTLING)
+                self._end = (end + follow * (now + left - end), now)
+            self._told = text
+
+    def message(self) -> str:
+        """What is shown now."""
+        with self._lock:
+            now = self._clock()
+            name = self._plan[self._at][0] if self._at >= 0 else "starting"
+            left = _left(self._rest(now))
+            return f"{self._told or name} ({_span(now - self._start)} so far, {left})"
+
+    def left(self) -> float:
+        """Seconds until the end of the plan."""
+        with self._lock:
+            return self._rest(self._clock())
+
+    def _rest(self, now: float) -> float:
+        later = sum(self._expected(k) for k in range(self._at + 1, len(self._plan)))
+        return self._current(now) + later * self._pace(now)
+
+    def _current(self, now: float) -> float:
+        """Seconds left of the step at work."""
+        if self._at < 0:
+            return 0.0
+        if self._end is not None:
+            return max(self._end[0] - now, 0.0)
+        usual = self._expected(self._at) * self._pace(now)
+        return max(usual - (now - self._step_start), 0.1 * usual)
+
+    def _expected(self, at: int) -> float:
+        name, seconds = self._plan[at]
+        return seconds * self._memory.factor(name)
+
+    def _pace(self, now: float) -> float:
+        """How much longer than expected things take: a mean of logarithms, with doubt.
+
+        A step that says how long it still takes counts as far as it has come, so that nothing
+        jumps when it ends.
+        """
+        seen = list(self._done)
+        if self._end is not None:
+            taken = now - self._step_start
+            whole, expected = max(taken, self._end[0] - self._step_start), self._expected(self._at)
+            if whole > _FINISHED * expected:
+                seen.append((expected * taken / whole, _telling(whole / expected)))
+        weight = sum(weight for weight, _ in seen) + _DOUBT
+        return math.exp(sum(weight * log for weight, log in seen) / weight)
+
+    def _watch(self) -> None:
+        if self._stop.wait(self._quiet):
+            return
+        while True:
+            self._shown = True
+            text = self.message()
+            self._write(f"\r\x1b[K{text}" if self._terminal else f"{text}\n")
+            if self._stop.wait(0.5 if self._terminal else self._line_every):
+                return
+
+    def _write(self, text: str) -> None:
+        try:
+            self._stream.write(text)
+            self._stream.flush()
+        except (OSError, ValueError):  # the reader has gone: progress is not worth an error
+            self._stop.set()
+
+
+def _left(seconds: float) -> str:
+    return f"about {_span(seconds)} left" if seconds >= 1.0 else "nearly done"
+
+
+def _span(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"
+
+
+class _Memory:
+    """How much longer than planned each step took on this machine, by its name."""
+
+    def __init__(self, path: pathlib.Path | None):
+        """Read what is remembered; where nothing can be read, nothing is."""
+        folder = cache_folder()
+        self._path = path or (None if folder is None else folder / "durations.json")
+        self._known: dict[str, float] = {}
+        self._new: dict[str, float] = {}
+        with contextlib.suppress(OSError, ValueError, AttributeError, TypeError):
+            if self._path is not None:
+                found = json.loads(regular_text(self._path))
+                self._known = {str(name): _bounded(value) for name, value in found.items()}
+
+    def factor(self, name: str) -> float:
+        """What the planned seconds of a step are multiplied by."""
+        return self._known.get(name, 1.0)
+
+    def learn(self, name: str, usual: float, taken: float) -> None:
+        """Take note of a step; half of it counts, as the machine may have been at other work."""
+        if usual >= _FEWEST:
+            self._new[name] = math.sqrt(self.factor(name) * _bounded(taken / usual))
+
+    def write(self) -> None:
+        """Keep it for the next command; what cannot be kept costs nothing."""
+        if self._path is None or not self._new:
+            return
+        with contextlib.suppress(OSError):
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(self._path, json.dumps({**self._known, **self._new}).encode())
+
+
+def _telling(ratio: float) -> float:
+    return min(max(math.log(ratio), -_MOST_TELLING), _MOST_TELLING)
+
+
+def _bounded(factor: float) -> float:
+    return min(max(float(factor), 1.0 / _MOST_EXTREME), _MOST_EXTREME)

@@ -1,0 +1,212 @@
+"""A 3D run of a case: from its mesh to files, going on from where it was ended.
+
+The folder holds ``fields/`` (frames many times a cycle), ``history.csv``, ``checkpoint.npz`` and,
+at the end, ``shear.vtu``. The same command in the same folder goes on from the checkpoint; another
+input refuses it, and so does a run that is shorter than what is there.
+"""
+
+import dataclasses
+import math
+import pathlib
+import time
+from typing import Any, NamedTuple
+
+from jaxfsi import OUTER_WALL
+from jaxfsi.core.step.state import State
+from jaxfsi.simulation import (
+    CheckpointError,
+    FieldSeries,
+    Glimpse,
+    Record,
+    ShearCycle,
+    ShearMeans,
+    SimulationError,
+    SimulationInterrupted,
+    SolverChoice,
+    StepControl,
+    simulate,
+    write_csv,
+)
+from lumped import ML_PER_MIN, MMHG
+from study.case.faults import CaseError, Fault
+from study.case.model import Case
+from study.run.progress import Progress
+from study.run.setup import Schedule, Setup
+from study.store.result_files import CHECKPOINT_FILE, FIELD_FOLDER, HISTORY_FILE, SHEAR_FILE
+from study.store.stages import stage_key
+
+CHUNK = 10
+"""Whole steps in one compiled call."""
+
+CHECKPOINT_EVERY = 100
+"""Steps between two checkpoints where the case says nothing."""
+
+MOST_SYSTEMS = 8
+"""Linear systems in a step at most: a wall of an artery strains by a tenth, where each brings the
+residual down by less than a digit."""
+
+DAMPING = 0.0
+"""Spectral radius of the method at infinite frequency. Geometry is extrapolated in time, and the
+two pressures on the sides of an intramural wall shake it. While the blood's coefficients were
+extrapolated too, the bundled patient's wall fluttered to pieces with 0.5 at a drop of 22 mmHg and
+steps of 1 ms; more than 0 was not tried since they are not
+(`jaxfsi.core.step.equations.renewed`)."""
+
+STEP_NAME = "running"
+_HISTORY_SECONDS = 10.0
+_COMPILE_SECONDS = 60.0
+_STEP_SECONDS = {"coarse": 0.2, "medium": 1.0, "fine": 4.0}
+
+
+class Outcome(NamedTuple):
+    """What a run left.
+
+    Attributes:
+        record: of all steps.
+        events: what went wrong and was mended.
+        resumed_from: whole step that it went on from; None for a fresh run.
+        shear: wall shear stress of the last cycle; None before two looks.
+        seconds: time that the run took, compiling included [s].
+        failure: why it ended early; None where it did not.
+        interrupted: whether the user ended it.
+        state: at its end; None where it did not get there.
+        pace: time of a whole step, output included and compiling left out [s]; None where too few
+            were taken to tell.
+    """
+
+    record: Record
+    events: list[dict[str, Any]]
+    resumed_from: int | None
+    shear: ShearMeans | None
+    seconds: float
+    failure: str | None = None
+    interrupted: bool = False
+    state: State | None = None
+    pace: float | None = None
+
+
+def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Progress) -> Outcome:
+    """Run a model to its end, or to the step that fails, or until the user interrupts it.
+
+    Args:
+        case: the case.
+        setup: see `prepare_simulation`.
+        folder: where files go; made if needed.
+        progress: told of each chunk.
+
+    Raises:
+        CaseError: the folder holds a run of another input, a longer one, or a damaged checkpoint;
+            nothing was written.
+        KeyboardInterrupt: the user interrupted it before a step was done.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    options, plan = case.solver, setup.schedule
+    shear = ShearCycle(setup.mesh, every=plan.per_frame, period=plan.period)
+    series = FieldSeries(folder / FIELD_FOLDER, setup.mesh, every=plan.per_frame)
+    watch = _Watch(setup, folder, progress)
+    checkpoint = folder / CHECKPOINT_FILE
+    choice = SolverChoice(max_nonlinear=MOST_SYSTEMS, rho_infinity=DAMPING)
+    if options.tolerance is not None:
+        choice = dataclasses.replace(choice, tolerance=options.tolerance)
+    control = StepControl(
+        max_halvings=4 if options.max_halvings is None else options.max_halvings,
+        change_limit=options.change_limit,
+    )
+    start = time.monotonic()
+    progress.tell("compiling the step")
+    try:
+        end = simulate(
+            setup.model,
+            setup.state,
+            dt=plan.dt,
+            n_steps=plan.n_steps,
+            chunk=CHUNK,
+            control=control,
+            solver=choice,
+            observers=[series, shear],
+            checkpoint=checkpoint,
+            checkpoint_every=options.checkpoint_every or CHECKPOINT_EVERY,
+            glimpse=watch.look,
+            numerics=stage_key("checkpoint"),
+        )
+        found = Outcome(
+            end.record, end.events, end.resumed_from, shear.means(), 0.0, state=end.state
+        )
+    except SimulationError as error:
+        kept = error.simulation
+        found = Outcome(kept.record, kept.events, kept.resumed_from, shear.means(), 0.0, str(error))
+    except SimulationInterrupted as stop:
+        kept = stop.simulation
+        if not kept.record.n_steps:
+            raise KeyboardInterrupt("interrupted before the first steps were done") from None
+        found = Outcome(
+            *(kept.record, kept.events, kept.resumed_from, shear.means(), 0.0), interrupted=True
+        )
+    except CheckpointError as error:
+        raise CaseError([_refusal(checkpoint, error, plan)]) from error
+    if found.record.n_steps:
+        write_history(folder, found.record, setup.model.names)
+    shear.write(folder / SHEAR_FILE)
+    return found._replace(seconds=time.monotonic() - start, pace=watch.pace)
+
+
+def write_history(folder: pathlib.Path, record: Record, names: tuple[str, ...]) -> None:
+    """Write the history of the openings; the outside of the wall is a port of the model alone."""
+    chosen = [i for i, name in enumerate(names) if name != OUTER_WALL]
+    shown = record._replace(P_port=record.P_port[:, chosen], Q_port=record.Q_port[:, chosen])
+    write_csv(folder / HISTORY_FILE, shown, tuple(names[i] for i in chosen))
+
+
+def _refusal(path: pathlib.Path, error: CheckpointError, plan: Schedule) -> Fault:
+    """Why the checkpoint of a folder cannot be used, in the words of the command line."""
+    cure = "name another folder with --out, or remove this file to start anew (simulate: --restart)"
+    if error.n_steps is not None:
+        # rounded up, so that the number asks for all the steps
+        cycles = math.ceil(round(error.n_steps / plan.per_cycle * 1e4, 6)) / 1e4
+        cure = f"ask for at least as much (--cycles {cycles:g}), {cure}"
+    return Fault(path, "", None, error.problem, "", cure)
+
+
+class _Watch:
+    """Tells the progress of a run and keeps its history on disk."""
+
+    def __init__(self, setup: Setup, folder: pathlib.Path, progress: Progress):
+        self._setup, self._folder, self._progress = setup, folder, progress
+        self._begun: tuple[float, float] | None = None
+        self.pace: float | None = None
+        self._written = time.monotonic()
+
+    def look(self, glimpse: Glimpse) -> None:
+        """Take notice of a chunk."""
+        now = time.monotonic()
+        if self._begun is None:  # the first chunk compiles
+            self._begun = (now, glimpse.step)
+        begun, step = self._begun
+        if glimpse.step > step:
+            self.pace = (now - begun) / (glimpse.step - step)
+        left = None if self.pace is None else self.pace * (glimpse.n_steps - glimpse.step)
+        self._progress.tell(progress_text(glimpse, self._setup.schedule, self.pace or 0.0), left)
+        if now - self._written > _HISTORY_SECONDS:
+            write_history(self._folder, glimpse.record, glimpse.names)
+            self._written = now
+
+
+def march_seconds(preset: str, n_steps: int) -> float:
+    """Usual time of a run on a mesh of a preset, its compiling included [s]."""
+    return _COMPILE_SECONDS + n_steps * _STEP_SECONDS[preset]
+
+
+def progress_text(glimpse: Glimpse, schedule: Schedule, pace: float) -> str:
+    """Step, time, cycle, and pressure and flow of each opening."""
+    cycle = int(glimpse.t / schedule.period + 1e-9) + 1
+    parts = [
+        f"step {glimpse.step:g} of {glimpse.n_steps}",
+        f"t = {glimpse.t:.4f} s, cycle {cycle}",
+        f"{glimpse.n_linear} iterations",
+    ]
+    if pace > 0.0:
+        parts.append(f"{pace:.2g} s a step")
+    for name, P, Q in zip(glimpse.names, glimpse.P_port, glimpse.Q_port, strict=True):
+        if name.endswith(("inlet", "outlet")):
+            parts.append(f"{name} {P / MMHG:.1f} mmHg {Q / ML_PER_MIN:.0f} mL/min")
+    return ", ".join(parts)

@@ -1,0 +1,160 @@
+"""A sweep over α of one patient in one condition: numbers, a table and a figure."""
+
+import csv
+import io
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from calibration import Sweep, sweep_alpha
+from lumped import ML_PER_MIN, MMHG, Condition
+from study.case.faults import CaseError, Fault
+from study.case.model import Case, require
+from study.report.results import Document
+from study.report.style import COLOURS, INK, STYLE, svg
+from study.run.patient import Patient, load_patient
+from study.store.document_rows import ratio_name
+from study.store.stored_document import FORMAT
+
+LARGEST_ERROR = 1e-2
+"""A nonlinear periodic state with a larger estimated error was not found [-]."""
+
+
+def sweep_case(
+    case: Case, alphas: np.ndarray, *, condition: str = "rest", rule: str | None = None
+) -> Document:
+    """Ratios and means of a patient over α, under the case's own law.
+
+    Args:
+        case: the case.
+        alphas: scales of the outlet's resistances [-], shape (n,).
+        condition: name of the condition.
+        rule: stress rule; by default the case's own. Not allowed at rest.
+
+    Returns:
+        A document without provenance.
+
+    Raises:
+        CaseError: the case lacks something, or has no such condition or rule.
+        RuntimeError: a computation did not converge.
+    """
+    require(case, "sweep")
+    patient = load_patient(case)
+    rule = _check(patient, condition, rule)
+    sweep = sweep_alpha(
+        patient.model.surrogate,
+        _spread(patient.conditions[condition], len(alphas)),
+        jnp.asarray(alphas),
+        rule=None if rule is None else patient.rules[rule],
+        waveforms=False,
+    )
+    _require_solved(sweep, alphas, linear=patient.model.surrogate.K is None)
+    return {
+        "format": FORMAT,
+        "kind": "sweep",
+        "patient": case.id,
+        "law": patient.model.law,
+        "condition": condition,
+        "rule": rule,
+        "measured": case.conditions[condition].ffr,
+        "error_estimate": float(np.max(np.asarray(sweep.error_estimate))),
+        "rows": _rows(sweep, alphas, ratio_name(condition)),
+    }
+
+
+def _check(patient: Patient, condition: str, rule: str | None) -> str | None:
+    """The rule to use; refuses names that the case does not have."""
+    path = patient.case.path
+    if condition not in patient.conditions:
+        cure = f"--condition takes one of {', '.join(patient.conditions)}"
+        fault = Fault(path, "condition", condition, "no such condition in the case", "", cure)
+        raise CaseError([fault])
+    if condition == "rest":
+        if rule is not None:
+            cure = "leave --rule out, or name a stress condition with --condition"
+            raise CaseError([Fault(path, "stress.rule", rule, "rest has no stress rule", "", cure)])
+        return None
+    rule = rule or patient.case.stress.rule
+    if rule not in patient.rules:
+        cure = f"--rule takes one of {', '.join(patient.rules)}"
+        raise CaseError([Fault(path, "stress.rule", rule, "no such rule here", "", cure)])
+    return rule
+
+
+def _spread(condition: Condition, count: int) -> Condition:
+    """A measured beat repeated for every case of the batch: its samples are no batch axis."""
+    repeated = jax.tree.map(
+        lambda leaf: jnp.broadcast_to(leaf, (count, *leaf.shape)), condition.waveform
+    )
+    return eqx.tree_at(lambda c: c.waveform, condition, repeated, is_leaf=lambda leaf: leaf is None)
+
+
+def _require_solved(sweep: Sweep, alphas: np.ndarray, *, linear: bool) -> None:
+    """Refuse numbers of states that were not found; a linear state always is, if it is finite."""
+    good = np.isfinite(np.asarray(sweep.metrics.ratio))
+    if not linear:
+        good &= np.asarray(sweep.error_estimate) < LARGEST_ERROR
+    if not np.all(good):
+        bad = alphas[~good]
+        raise RuntimeError(
+            f"No periodic state was found for {bad.size} of {good.size} values of alpha, "
+            f"{bad.min():g} to {bad.max():g}. Sweep a narrower range."
+        )
+
+
+def _rows(sweep: Sweep, alphas: np.ndarray, name: str) -> list[dict[str, float]]:
+    numbers = sweep.metrics
+    columns: dict[str, Any] = {
+        "alpha": alphas,
+        name: numbers.ratio,
+        "ifr": numbers.ifr,
+        "mean_P_aorta_mmHg": numbers.mean_P_aorta / MMHG,
+        "mean_P_distal_mmHg": numbers.mean_P_distal / MMHG,
+        "mean_flow_ml_per_min": numbers.mean_Q / ML_PER_MIN,
+        "systolic_share": numbers.systolic_share,
+    }
+    lists = {key: np.asarray(values).tolist() for key, values in columns.items()}
+    return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
+
+
+def sweep_table(document: Document) -> str:
+    """The rows as CSV."""
+    rows = document["rows"]
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def sweep_figure(document: Document) -> str:
+    """Ratio and mean flow over alpha."""
+    rows = document["rows"]
+    alphas = [row["alpha"] for row in rows]
+    name = "rest_ratio" if document["condition"] == "rest" else "ffr"
+    with rc_context(STYLE):
+        figure = Figure(figsize=(8.4, 3.2), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        left.plot(alphas, [row[name] for row in rows], color=COLOURS[0])
+        left.set_ylabel("resting ratio" if name == "rest_ratio" else "FFR")
+        right.plot(alphas, [row["mean_flow_ml_per_min"] for row in rows], color=COLOURS[1])
+        right.set_ylabel("mean coronary flow [mL/min]")
+        measured = document["measured"]
+        if measured is not None:
+            left.axhline(measured, color=INK, linewidth=1.0, linestyle="--")
+            left.text(0.01, measured, f"measured {measured:g}", va="bottom", fontsize=8.5,
+                      transform=left.get_yaxis_transform())  # fmt: skip
+        for axes in (left, right):
+            axes.set_xscale("log")
+            axes.set_xlabel("alpha [-]")
+        rule = "" if document["rule"] is None else f', rule "{document["rule"]}"'
+        figure.suptitle(
+            f"{document['patient']}: {document['condition']}, {document['law']} law{rule}",
+            fontsize=10,
+        )
+        return svg(figure, "sweep")

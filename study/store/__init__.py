@@ -1,0 +1,1 @@
+"""What lies in folders: documents, stages, meshes, locks, and which code made them."""

@@ -1,0 +1,156 @@
+"""Meshes kept between calls, by a hash of all that they follow from.
+
+An entry holds the mesh, what is known of it, its pictures, and when and by which code it was made.
+It is found again only by the same input files and options, under the same numerics
+(`study.store.numerics`).
+"""
+
+import dataclasses
+import json
+import os
+import pathlib
+import shutil
+import tempfile
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxfsi import Mesh
+from jaxfsi.fields.npz import load_arrays
+from jaxfsi.text_files import regular_text
+from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
+from study.case.model import Case
+from study.store.cache_folder import cache_folder
+from study.store.numerics import library
+from study.store.provenance import files_of, sha256
+from study.store.stages import stage_key
+
+MOST_ENTRIES = 24
+"""Entries beyond this number are dropped, those longest unused first."""
+
+_BACKENDS = {"gmsh": "gmsh", "tetgen": "tetgen"}
+"""Libraries of the meshers of volumes that only some installations have."""
+
+_ARRAYS = ("points", "tets", "region", "faces", "face_label")
+
+
+class StateMesh(NamedTuple):
+    """The mesh of one state with what is known of it.
+
+    Attributes:
+        mesh: the mesh.
+        document: its part of the document of the command.
+        pictures: PNG files by name.
+        made: when and by which code, see `study.store.provenance.made_now`.
+    """
+
+    mesh: Mesh
+    document: dict[str, Any]
+    pictures: dict[str, bytes]
+    made: dict[str, Any]
+
+
+def entry_key(case: Case, state: str) -> str:
+    """Hash of everything that the mesh of a state, its document and pictures follow from."""
+    return stage_key("mesh report", mesh_key(case, state))
+
+
+def mesh_key(case: Case, state: str) -> str:
+    """Hash of everything that the mesh of a state follows from."""
+    anatomy = case.anatomy
+    options = dataclasses.replace(case.mesh, unit="cm")
+    files: list[pathlib.Path] = []
+    given: Any = anatomy
+    match anatomy:
+        case IvusAnatomy():
+            files = [*anatomy.states[state].files]
+            files += [anatomy.centerline] if anatomy.centerline is not None else []
+            given = dataclasses.replace(anatomy, states={}, centerline=None)  # files, by content
+            given = (given, [file is None for file in dataclasses.astuple(anatomy.states[state])])
+        case SurfaceAnatomy():
+            files = [anatomy.surface]
+            given = (anatomy.surface.name, anatomy.unit, anatomy.smoothing_steps)
+            given = (*given, sorted(anatomy.openings.items()), sorted(anatomy.cuts))
+            given = (*given, [anatomy.cuts[name] for name in sorted(anatomy.cuts)])
+        case MeshAnatomy():
+            files = [file for place in anatomy.places for file in files_of(place)]
+            given = (
+                anatomy.unit,
+                sorted(anatomy.labels.items()),
+                [place.name for place in anatomy.places],
+            )
+        case _:
+            pass
+    hashes = [sha256(file) for file in files]
+    wall = (case.wall.thickness_per_radius, case.wall.thickness_min, case.wall.thickness_max)
+    backend = _BACKENDS.get(options.backend)
+    mesher = None if backend is None else library(backend)
+    return stage_key("mesh", state, given, wall, options, hashes, mesher)
+
+
+def load_mesh(key: str) -> StateMesh | None:
+    """The entry under a key; None where there is none, or it is damaged."""
+    folder = _folder()
+    if folder is None or not (folder / key).is_dir():
+        return None
+    entry = folder / key
+    try:
+        names = json.loads(regular_text(entry / "mesh.json"))
+        document = json.loads(regular_text(entry / "document.json"))
+        made = dict(json.loads(regular_text(entry / "made.json")))
+        stored = load_arrays(entry / "mesh.npz")
+        mesh = Mesh(
+            **{name: stored[name] for name in _ARRAYS},
+            label_names=tuple(names["label_names"]),
+            node_ids=stored.get("node_ids"),
+            meta=names["meta"],
+        )
+        pictures = {path.stem: path.read_bytes() for path in sorted(entry.glob("*.png"))}
+        os.utime(entry)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        shutil.rmtree(entry, ignore_errors=True)
+        return None
+    return StateMesh(mesh, document, pictures, made)
+
+
+def store_mesh(key: str, made: StateMesh) -> None:
+    """Keep an entry; a cache that cannot be written costs time, no result."""
+    folder = _folder()
+    if folder is None:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        part = pathlib.Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
+    except OSError:
+        return
+    try:
+        mesh = made.mesh
+        arrays = {name: getattr(mesh, name) for name in _ARRAYS}
+        if mesh.node_ids is not None:
+            arrays["node_ids"] = mesh.node_ids
+        np.savez(part / "mesh.npz", **arrays)
+        names = {"label_names": mesh.label_names, "meta": mesh.meta}
+        (part / "mesh.json").write_text(json.dumps(names), encoding="utf-8")
+        (part / "document.json").write_text(json.dumps(made.document), encoding="utf-8")
+        (part / "made.json").write_text(json.dumps(made.made), encoding="utf-8")
+        for name, content in made.pictures.items():
+            (part / f"{name}.png").write_bytes(content)
+        if not (folder / key).exists():
+            os.replace(part, folder / key)
+        _prune(folder)
+    except (OSError, TypeError):
+        pass
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _folder() -> pathlib.Path | None:
+    folder = cache_folder()
+    return None if folder is None else folder / "meshes"
+
+
+def _prune(folder: pathlib.Path) -> None:
+    entries = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    entries.sort(key=lambda path: path.stat().st_mtime)
+    for path in entries[:-MOST_ENTRIES]:
+        shutil.rmtree(path, ignore_errors=True)

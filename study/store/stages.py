@@ -1,0 +1,162 @@
+"""Stages of a long computation, each kept beside the hash of what it follows from.
+
+A stage is found again only under the same inputs and the same numerics (`study.store.numerics`); a
+changed input computes that stage anew, and those whose own inputs it changes. Values pass through
+JSON (arrays through NPZ) also when they are fresh, so that an interrupted computation ends with the
+same numbers as one that ran through. Beside each stands when it was made, and by which code.
+"""
+
+import dataclasses
+import hashlib
+import io
+import json
+import os
+import pathlib
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxfsi.fields.frame import write_whole
+from jaxfsi.fields.npz import load_arrays
+from jaxfsi.text_files import regular_text
+from study.store.numerics import decided_by
+from study.store.provenance import made_now
+
+FORMAT = 2
+"""Part of every hash; grows when a stage changes its meaning."""
+
+_MADE, _KEY = "made", "key"
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, RecursionError)
+
+
+class Kept(NamedTuple):
+    """What was kept of a stage.
+
+    Attributes:
+        value: as it was computed.
+        made: when and by which code, see `study.store.provenance.made_now`.
+    """
+
+    value: Any
+    made: dict[str, Any]
+
+
+def stage_key(kind: str, *inputs: Any) -> str:
+    """Hash of inputs and of what decides the numbers of a kind of stage.
+
+    Args:
+        kind: one of `study.store.numerics.USES`.
+        inputs: plain values, arrays, paths (their names alone) and dataclasses, in any nesting.
+            Neither the order of a mapping counts, nor a field that is None: one that is added
+            later, and left out, leaves the hash as it is.
+
+    Raises:
+        TypeError: an input is of another type.
+    """
+    text = json.dumps([FORMAT, kind, plain(inputs), decided_by(kind)], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON holds it, so that equal values give equal texts.
+
+    Raises:
+        TypeError: it is of a type whose numbers are not known.
+    """
+    match value:
+        case None | bool() | int() | float() | str():
+            return value
+        case np.ndarray():
+            digest = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+            return ["array", value.dtype.str, list(value.shape), digest]
+        case np.generic():
+            return value.item()
+        case os.PathLike():
+            return pathlib.Path(value).name
+        case Mapping():
+            entries = [[plain(key), plain(entry)] for key, entry in value.items()]
+            return ["mapping", *sorted(entries, key=lambda entry: json.dumps(entry[0]))]
+        case tuple() | list():
+            if hasattr(value, "_asdict"):
+                return [type(value).__name__, plain(value._asdict())]  # pyright: ignore
+            return [plain(entry) for entry in value]
+        case _ if hasattr(value, "__array__"):
+            return plain(np.asarray(value))
+        case _ if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
+            known = {name: entry for name, entry in fields.items() if entry is not None}
+            return [type(value).__name__, plain(known)]
+        case _:
+            raise TypeError(f"no key can be made of {type(value).__name__}. Give plain values.")
+
+
+class Stages:
+    """Stages in a folder, one file each."""
+
+    def __init__(self, folder: pathlib.Path):
+        """Nothing is made before the first stage is kept."""
+        self.folder = folder
+
+    def known(self, name: str, key: str) -> Kept | None:
+        """What was kept of a value under a name and key; None where there is nothing."""
+        try:
+            stored = json.loads(regular_text(self.folder / f"{name}.json"))
+            return Kept(stored["value"], dict(stored[_MADE])) if stored[_KEY] == key else None
+        except _DAMAGE:
+            return None
+
+    def value(self, name: str, key: str, compute: Callable[[], Any]) -> Any:
+        """A value that JSON can hold, None and false among them: kept, or computed and kept.
+
+        Args:
+            name: of the stage, fit for a file name.
+            key: hash of its inputs, see `stage_key`.
+            compute: gives it.
+        """
+        found = self.known(name, key)
+        if found is not None:
+            return found.value
+        stored = {_KEY: key, _MADE: made_now(), "value": compute()}
+        text = json.dumps(stored, allow_nan=False)
+        self._write(f"{name}.json", text.encode())
+        return json.loads(text)["value"]
+
+    def known_arrays(self, name: str, key: str) -> Kept | None:
+        """What was kept of arrays under a name and key; None where there is nothing."""
+        try:
+            file = load_arrays(self.folder / f"{name}.npz")
+            if str(file.pop(_KEY)) != key:
+                return None
+            made = dict(json.loads(str(file.pop(_MADE))))
+            return Kept(file, made)
+        except _DAMAGE:
+            return None
+
+    def arrays(
+        self, name: str, key: str, compute: Callable[[], Mapping[str, np.ndarray]]
+    ) -> dict[str, np.ndarray]:
+        """Arrays by name: kept, or computed and kept."""
+        kept = self.known_arrays(name, key)
+        if kept is not None:
+            return kept.value
+        made = np.array(json.dumps(made_now()))
+        found = {part: np.asarray(array) for part, array in compute().items()}
+        buffer = io.BytesIO()
+        np.savez(buffer, key=np.array(key), made=made, **found)  # pyright: ignore
+        self._write(f"{name}.npz", buffer.getvalue())
+        return found
+
+    def made(self, name: str) -> dict[str, Any] | None:
+        """When and by which code the stage of a name was made; None where there is none."""
+        try:
+            if (self.folder / f"{name}.npz").exists():
+                return dict(json.loads(str(load_arrays(self.folder / f"{name}.npz")[_MADE])))
+            stored = json.loads(regular_text(self.folder / f"{name}.json"))
+            return dict(stored[_MADE])
+        except _DAMAGE:
+            return None
+
+    def _write(self, name: str, content: bytes) -> None:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_whole(self.folder / name, content)

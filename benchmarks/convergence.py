@@ -13,13 +13,13 @@ from typing import Any
 from lumped import MMHG
 from study import demo_case_path, read_case
 from study.case.model import Case, SurrogateParameters
-from study.cli.study_command import QUICK_RATE, QUICK_TOLERANCE
 from study.run.anatomy_source import case_anatomy, states_of
 from study.run.aortic_site import aortic_site
 from study.run.mesh import mesh_state
 from study.run.progress import Progress
 from study.run.ramp import RampChoice, fitted, ramp_record
 from study.run.run_3d import Bench, RunChoice, RunName, fsi_run
+from study.run.study_options import QUICK_RATE, QUICK_TOLERANCE
 from study.store.meshes import mesh_key
 
 _RUN = RunName("convergence", "dobutamine", "printed", 0.114)

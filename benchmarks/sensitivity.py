@@ -28,7 +28,6 @@ from calibration.ratio_gradient import advance_part
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.meshing import build_mesh
 from study import demo_case_path, read_case
-from study.cli.study_command import QUICK_STEP
 from study.run.anatomy_source import case_anatomy, states_of
 from study.run.aortic_site import aortic_site
 from study.run.lumen_motion import VESSEL, artery_planes, lumen_at
@@ -36,6 +35,7 @@ from study.run.progress import Progress
 from study.run.run_3d import Bench, RunChoice, RunName, setup_of
 from study.run.sensitivity import by_parameters, gradient_stepper, reading_of, swept_gradient
 from study.run.setup import Setup
+from study.run.study_options import QUICK_STEP
 
 _RUN = RunName("sensitivity", "dobutamine", "printed", 0.114)
 _TOLERANCE = 1e-3

@@ -9,10 +9,8 @@ from typing import Any
 
 from study.case.model import read_case
 from study.cli.command_output import Answer, note
-from study.report.cohort_figures import cohort_figures
-from study.report.cohort_results import cohort_document, pair_rows
-from study.report.page import rendered, safe
-from study.report.results import Document
+from study.report.cohort_report import cohort_report
+from study.report.cohort_results import cohort_document
 from study.run.cohort import run_cohort
 from study.run.members import Member
 from study.run.progress import Progress
@@ -63,12 +61,6 @@ def cohort_command(options: argparse.Namespace, members: list[Member], out: path
         page = cohort_report(document)
         written = write_files(out, {COHORT_PAGE: page, COHORT_FILE: to_json(document)})
     return Answer(document, written)
-
-
-def cohort_report(document: Document) -> str:
-    """The page of a cohort, its figures inside."""
-    figures = safe(cohort_figures(document))
-    return rendered("cohort.html", d=document, rows=pair_rows(document), fig=figures)
 
 
 def _provenance(options: argparse.Namespace, members: list[Member]) -> dict[str, Any]:

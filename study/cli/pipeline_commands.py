@@ -8,11 +8,12 @@ from study.cli.command_output import Answer, note
 from study.report.mesh_results import embedded, write_meshes
 from study.report.page import html_report
 from study.report.results import calibration_document, case_document
+from study.report.sweep_figure import sweep_figure
 from study.run.anatomy_source import states_of
 from study.run.mesh import coarse, coarse_mesh, planned_steps
 from study.run.pipeline import run_case
 from study.run.progress import Progress
-from study.run.sweep import sweep_case, sweep_figure, sweep_table
+from study.run.sweep import sweep_case, sweep_table
 from study.run.tuning import calibrate_case
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work

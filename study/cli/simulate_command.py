@@ -8,7 +8,7 @@ from study.case.anatomy import MeshAnatomy
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.report.page import simulation_report
-from study.report.pictures.simulation import draw_simulation
+from study.report.simulation_pictures import draw_simulation
 from study.report.simulation_results import (
     SERIES_FILE,
     Drawn,

@@ -11,7 +11,7 @@ from jaxfsi.fields import read_series
 from study.report.algorithm_figures import study_figures
 from study.report.algorithm_results import Document, study_document
 from study.report.page import rendered, safe
-from study.report.pictures.simulation import (
+from study.report.simulation_pictures import (
     PICTURES,
     draw_film,
     draw_lumen,

@@ -8,7 +8,7 @@ import numpy as np
 from diagnosis import Diagnosis, Record, find_effect, noise_of
 from diagnosis.circuit import PHASE
 from diagnosis.measured import SENSORS
-from diagnosis.next_measurement import aliases, isolability, next_measurements
+from diagnosis.next_measurement import aliases, next_measurements
 from diagnosis.shrink import Shrink, expected_waves, fitted_gap, held_out_gap
 from diagnosis.verdict import key_of
 from diagnosis.where import (
@@ -169,31 +169,3 @@ def _waveforms(record: Record, diagnosis: Diagnosis) -> list[Document]:
 
 def _rounded(wave: Any) -> list[float]:
     return [round(float(v), 4) for v in np.asarray(wave)]
-
-
-def plan_document(
-    record: Record, diagnosis: Diagnosis | None, settings: Any, effects: Any, provenance: Document
-) -> Document:
-    """What to measure next, and what sets of sensors could show in these conditions."""
-    noise = noise_of(record)
-    table = isolability(settings, effects, noise.pressure_sd)
-    return {
-        "kind": "plan",
-        "format": "jaxfsi 1",
-        "id": record.id,
-        "next_measurements": []
-        if diagnosis is None
-        else [
-            {**option._asdict(), "separates": list(option.separates)}
-            for option in next_measurements(diagnosis, 6)
-        ],
-        "sensors": {
-            name: {
-                "isolable": [e for e, v in row.items() if v >= 3.0],
-                "expected_log_bayes_factor": {e: round(v, 3) for e, v in row.items()},
-            }
-            for name, row in table.items()
-        },
-        "noise_sd_mmHg": noise.pressure_sd,
-        "provenance": provenance,
-    }

@@ -11,8 +11,8 @@ from study.report.figures import NAMES, figures
 from study.report.headline import chance_at_or_below, percent
 from study.report.mesh_figures import mesh_figures
 from study.report.number_formats import signed, significant, span, with_sd
-from study.report.pictures.simulation import PICTURES
 from study.report.simulation_figures import simulation_figures
+from study.report.simulation_pictures import PICTURES
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
 Document = Mapping[str, Any]

@@ -16,7 +16,8 @@ from jaxfsi.simulation import Record, ShearMeans, SolverChoice
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
 from study.report.mesh_results import picture_text
-from study.run.openings import INLET, SEGMENT_INLET, distal_name, is_segment
+from study.run.cycles import cycle_means, is_opening
+from study.run.openings import is_segment
 from study.run.setup import Setup
 from study.run.simulation import Outcome
 from study.store.document_rows import ratio_name
@@ -91,63 +92,11 @@ def simulation_document(
     }
 
 
-def cycle_means(record: Record, names: tuple[str, ...], period: float) -> list[dict[str, Any]]:
-    """Means, least and largest values of each opening in each cycle, steps weighed by length."""
-    if not record.n_steps:
-        return []
-    number = np.floor((record.t - 0.5 * record.dt) / period).astype(int)
-    found = []
-    for k in range(int(number[-1]) + 1):
-        part = number == k
-        weight = record.dt[part] / record.dt[part].sum()
-        ports = {
-            name: _spread(
-                record.P_port[part, i] / MMHG, record.Q_port[part, i] / ML_PER_MIN, weight
-            )
-            for i, name in enumerate(names)
-            if _is_opening(name)
-        }
-        means = {name: entry["mean_P_mmHg"] for name, entry in ports.items()}
-        distal = distal_name(means)
-        aorta = means.get(INLET, means.get(SEGMENT_INLET))
-        found.append(
-            {
-                "cycle": k + 1,
-                "complete": bool(record.dt[part].sum() > period * (1.0 - 1e-6)),
-                "ports": ports,
-                "ratio": means[distal] / aorta if distal and aorta else None,
-                "net_outflow_ml": float(
-                    np.sum(record.dt[part, None] * record.Q_port[part][:, _openings(names)])
-                ),
-            }
-        )
-    return found
-
-
-def _is_opening(name: str) -> bool:
-    return name != "outer_wall"
-
-
-def _openings(names: tuple[str, ...]) -> list[int]:
-    return [i for i, name in enumerate(names) if _is_opening(name)]
-
-
-def _spread(P: np.ndarray, Q: np.ndarray, weight: np.ndarray) -> dict[str, float]:
-    return {
-        "mean_P_mmHg": float(weight @ P),
-        "least_P_mmHg": float(P.min()),
-        "largest_P_mmHg": float(P.max()),
-        "mean_Q_ml_per_min": float(weight @ Q),
-        "least_Q_ml_per_min": float(Q.min()),
-        "largest_Q_ml_per_min": float(Q.max()),
-    }
-
-
 def _ports(model: Model) -> dict[str, dict[str, Any]]:
     """Kind and parameters of each opening."""
     found: dict[str, dict[str, Any]] = {}
     for name, port in zip(model.names, model.ports, strict=True):
-        if not _is_opening(name):
+        if not is_opening(name):
             continue
         if isinstance(port, BlockPort):
             block = port.block
@@ -239,7 +188,7 @@ def _history(record: Record, names: tuple[str, ...]) -> dict[str, Any]:
     def numbers(values: np.ndarray) -> list[float]:
         return [float(f"{value:.6g}") for value in values[some].tolist()]
 
-    openings = {name: i for i, name in enumerate(names) if _is_opening(name)}
+    openings = {name: i for i, name in enumerate(names) if is_opening(name)}
     return {
         "ports": list(openings),
         "t_s": numbers(record.t),

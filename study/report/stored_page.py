@@ -3,8 +3,8 @@
 import pathlib
 
 from study.case.faults import CaseError, Fault
-from study.cli.cohort_command import cohort_report
 from study.report.algorithm_report import stored_study_report
+from study.report.cohort_report import cohort_report
 from study.report.diagnosis_report import diagnosis_report
 from study.report.mesh_results import stored_pictures
 from study.report.page import html_report, simulation_report

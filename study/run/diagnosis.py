@@ -4,18 +4,19 @@ import dataclasses
 import math
 import pathlib
 from collections.abc import Sequence
+from typing import Any
 
-from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, stacked
+from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of, stacked
+from diagnosis.next_measurement import isolability, next_measurements
 from lumped.units import MMHG_S_PER_ML
 from study.case.faults import CaseError, Fault
 from study.case.model import read_case
 from study.case.record import record_path
 from study.case.record_tables import R0_SD_LOG
-from study.report.diagnosis_results import Document, plan_document
 from study.run.progress import Progress
 from study.store.provenance import origin
 from study.store.result_files import STUDY_FILE
-from study.store.stored_document import load_document
+from study.store.stored_document import Document, load_document
 
 STEPS = {
     "fitting the base model": 8.0,
@@ -159,3 +160,31 @@ def _drop_at_rest(record: Record) -> float | None:
 def _changed(record: Record, R0: float, how: str, sd_log: float = R0_SD_LOG) -> tuple[Record, str]:
     changed = dataclasses.replace(record, R0=R0, R0_sd_log=sd_log)
     return changed, f"R0 = {R0:.3g} mmHg s/ml {how}."
+
+
+def plan_document(
+    record: Record, diagnosis: Diagnosis | None, settings: Any, effects: Any, provenance: Document
+) -> Document:
+    """What to measure next, and what sets of sensors could show in these conditions."""
+    noise = noise_of(record)
+    table = isolability(settings, effects, noise.pressure_sd)
+    return {
+        "kind": "plan",
+        "format": "jaxfsi 1",
+        "id": record.id,
+        "next_measurements": []
+        if diagnosis is None
+        else [
+            {**option._asdict(), "separates": list(option.separates)}
+            for option in next_measurements(diagnosis, 6)
+        ],
+        "sensors": {
+            name: {
+                "isolable": [e for e, v in row.items() if v >= 3.0],
+                "expected_log_bayes_factor": {e: round(v, 3) for e, v in row.items()},
+            }
+            for name, row in table.items()
+        },
+        "noise_sd_mmHg": noise.pressure_sd,
+        "provenance": provenance,
+    }

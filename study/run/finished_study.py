@@ -9,10 +9,10 @@ from study.case.demo import demo_case_path
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, read_case
 from study.cli.arguments import parse
-from study.cli.study_command import study_case, study_choice
 from study.run.algorithm import check_study, open_bench, with_curve
 from study.run.progress import Progress
 from study.run.run_3d import Bench
+from study.run.study_options import study_case, study_choice
 from study.store.numerics import decided_by
 from study.store.provenance import input_files, origin
 from study.store.stored_document import load_document, readable

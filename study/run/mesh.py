@@ -18,8 +18,8 @@ from study.case.advice import nearest
 from study.case.anatomy import MeshAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
-from study.report.pictures.mesh import aortic_axis, draw_mesh, label_colours
 from study.run.anatomy_source import case_anatomy, case_mesh, file_fault, states_of
+from study.run.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.run.progress import Progress
 from study.store.meshes import StateMesh, entry_key, load_mesh, store_mesh
 from study.store.provenance import made_now

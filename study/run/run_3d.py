@@ -21,8 +21,8 @@ from jaxfsi.simulation.record import port_flow, port_pressure
 from jaxfsi.text_files import regular_text
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
-from study.report.simulation_results import cycle_means
 from study.run.aortic_site import cycle_offsets, site_pressures
+from study.run.cycles import cycle_means
 from study.run.openings import ANOMALOUS, INLET, distal_name, inlet_of
 from study.run.progress import Progress
 from study.run.setup import Setup, plan_steps, prepare_simulation

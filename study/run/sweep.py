@@ -1,4 +1,4 @@
-"""A sweep over α of one patient in one condition: numbers, a table and a figure."""
+"""A sweep over α of one patient in one condition: numbers and a table."""
 
 import csv
 import io
@@ -8,18 +8,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 
 from calibration import Sweep, sweep_alpha
 from lumped import ML_PER_MIN, MMHG, Condition
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
-from study.report.results import Document
-from study.report.style import COLOURS, INK, STYLE, svg
 from study.run.patient import Patient, load_patient
 from study.store.document_rows import ratio_name
-from study.store.stored_document import FORMAT
+from study.store.stored_document import FORMAT, Document
 
 LARGEST_ERROR = 1e-2
 """A nonlinear periodic state with a larger estimated error was not found [-]."""
@@ -130,31 +126,3 @@ def sweep_table(document: Document) -> str:
     writer.writeheader()
     writer.writerows(rows)
     return buffer.getvalue()
-
-
-def sweep_figure(document: Document) -> str:
-    """Ratio and mean flow over alpha."""
-    rows = document["rows"]
-    alphas = [row["alpha"] for row in rows]
-    name = "rest_ratio" if document["condition"] == "rest" else "ffr"
-    with rc_context(STYLE):
-        figure = Figure(figsize=(8.4, 3.2), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        left.plot(alphas, [row[name] for row in rows], color=COLOURS[0])
-        left.set_ylabel("resting ratio" if name == "rest_ratio" else "FFR")
-        right.plot(alphas, [row["mean_flow_ml_per_min"] for row in rows], color=COLOURS[1])
-        right.set_ylabel("mean coronary flow [mL/min]")
-        measured = document["measured"]
-        if measured is not None:
-            left.axhline(measured, color=INK, linewidth=1.0, linestyle="--")
-            left.text(0.01, measured, f"measured {measured:g}", va="bottom", fontsize=8.5,
-                      transform=left.get_yaxis_transform())  # fmt: skip
-        for axes in (left, right):
-            axes.set_xscale("log")
-            axes.set_xlabel("alpha [-]")
-        rule = "" if document["rule"] is None else f', rule "{document["rule"]}"'
-        figure.suptitle(
-            f"{document['patient']}: {document['condition']}, {document['law']} law{rule}",
-            fontsize=10,
-        )
-        return svg(figure, "sweep")

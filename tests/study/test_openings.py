@@ -20,8 +20,8 @@ from jaxfsi.simulation import Record
 from lumped import MMHG
 from study.case.anatomy import MeshAnatomy, SurfaceAnatomy, SurfaceCut
 from study.case.model import read_case
-from study.report.simulation_results import cycle_means
 from study.run.anatomy_source import case_mesh
+from study.run.cycles import cycle_means
 from study.run.openings import distal_name, inlet_name, inlet_of, is_segment
 from study.run.progress import Progress
 from study.run.ramp import _columns

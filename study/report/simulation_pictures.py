@@ -14,7 +14,7 @@ from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import Entry, read_series
 from jaxfsi.mesh import Region
 from jaxfsi.meshing.isolate import MeshingError, NativeCall, run_isolated
-from study.report.pictures.mesh import septum_place
+from study.run.mesh_pictures import septum_place
 from study.run.openings import INLET, OUTLET, Inlet
 
 PICTURES = {

@@ -1,1 +1,0 @@
-"""Pictures of meshes and fields, drawn in a process of their own."""

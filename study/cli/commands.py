@@ -82,7 +82,7 @@ def _reason(error: OSError) -> str:
     if error.strerror is None:
         return str(error)
     place = error.filename2 or error.filename
-    return f"{place}: {error.strerror.lower()}" if place else error.strerror.lower()
+    return f"{place}: {error.strerror}" if place else error.strerror
 
 
 def _run(options: argparse.Namespace, signals: Signals) -> None:

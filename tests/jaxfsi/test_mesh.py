@@ -7,7 +7,7 @@ from jaxfsi.faces import boundary_of, face_table, find_rows, region_faces, tet_e
 from jaxfsi.mesh import Mesh, Region, tet_volumes
 from jaxfsi.mesh_checks import check_mesh
 from jaxfsi.mesh_parts import reordered, scaled, submesh, used_nodes
-from jaxfsi.meshing.structured import strip, tube
+from jaxfsi.meshing import strip, tube
 from lumped.units import MM
 
 

@@ -9,13 +9,14 @@ from jaxfsi.meshing import (
     label_faces,
     mesh_quality,
     ring,
+    strip,
     tet_quality,
     through_edges,
+    tube,
     wall_thickness,
 )
 from jaxfsi.meshing.check.quality import spread_of
 from jaxfsi.meshing.check.thickness import Exit
-from jaxfsi.meshing.structured import strip, tube
 from jaxfsi.meshing.structured.prisms import Section, extruded
 
 REGULAR = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])

@@ -7,11 +7,9 @@ import pytest
 from jaxfsi.mesh import Mesh, Region
 from jaxfsi.mesh_files import read_vtu
 from jaxfsi.mesh_parts import submesh
-from jaxfsi.meshing import bent, check_topology, mapped, ring
+from jaxfsi.meshing import bent, check_topology, mapped, ring, strip, surface_topology, tube
 from jaxfsi.meshing.check.topology import count_components, nodes_inside
 from jaxfsi.meshing.labels import labelled_mesh
-from jaxfsi.meshing.structured import strip, tube
-from jaxfsi.meshing.surface import topology as surface_topology
 
 
 @pytest.fixture(scope="module")

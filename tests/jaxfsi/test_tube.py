@@ -3,8 +3,7 @@ import pytest
 
 from jaxfsi.mesh import Region, tet_volumes
 from jaxfsi.mesh_checks import check_mesh
-from jaxfsi.meshing import bent, check_topology, elliptic, mesh_quality, ring
-from jaxfsi.meshing.structured import strip, tube
+from jaxfsi.meshing import bent, check_topology, elliptic, mesh_quality, ring, strip, tube
 from jaxfsi.meshing.structured.prisms import strip_between
 
 

@@ -4,9 +4,9 @@ import pytest
 from benchmarks.blind.clocked import Clock, recording
 from benchmarks.blind.truth import aortic
 from diagnosis import circuit
+from study.case import folding
 from study.case.faults import Fault
 from study.case.folding import Unfoldable, fold, warped
-from study.case.model import folding
 from study.case.onsets import RISE, find_upstrokes, rise_of
 from study.case.record_beats import FEWEST_SAMPLES, read_beats
 

@@ -10,6 +10,7 @@ PROMISES = {
     "outlet": ["implicit step", "impedance", "mean flow", "Floquet"],
     "calibrate_patient": ["alpha", "closed form", "printed", "all"],
     "sweep_cohort": ["cases: 2000", "rest", "d alpha/d ratio"],
+    "elastic_tube": ["mean pressure", "Ohm"],
     "ffr_gradient": ["FFR under stress", "resting ratio", "with K"],
 }
 

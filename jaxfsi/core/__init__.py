@@ -1,1 +1,30 @@
-"""Finite elements of blood and wall on tetrahedra, and the coupled step in time."""
+"""Finite elements of blood and wall on tetrahedra, and the coupled step in time.
+
+A run in four lines: `build_model` from a mesh and its ports, `initial_state`, `prepare`, `march`.
+"""
+
+from typing import TYPE_CHECKING
+
+from lumped.lazy_package import import_on_first_use
+
+if TYPE_CHECKING:
+    from jaxfsi.core.laws.fluid import Blood
+    from jaxfsi.core.laws.materials import (
+        AbstractMaterial,
+        LinearElastic,
+        NeoHookean,
+        SaintVenantKirchhoff,
+    )
+    from jaxfsi.core.laws.ports import BlockPort, FlowPort, PressurePort, VelocityPort
+    from jaxfsi.core.laws.solid import Wall
+    from jaxfsi.core.laws.viscosity import AbstractViscosity, CarreauYasuda, Newtonian
+    from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium, pressure_load
+    from jaxfsi.core.statics.prestress import Prestress, prestressed
+    from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
+    from jaxfsi.core.step.march import March, march
+    from jaxfsi.core.step.model import Model, build_model
+    from jaxfsi.core.step.state import State, initial_state
+    from jaxfsi.core.step.step import RESULTS, advance_step
+    from jaxfsi.core.step.stepper import Stepper, prepare
+
+import_on_first_use(__name__)

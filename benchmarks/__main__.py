@@ -14,6 +14,8 @@ from typing import Any
 
 import jax
 
+from lumped.whole_files import write_whole
+
 BENCHMARKS = (
     "surrogate",
     "alpha",
@@ -54,8 +56,9 @@ def main() -> int:
     text = "\n\n".join([_heading(machine), *(table(result) for result in results)]) + "\n"
     print(text)
     options.out.mkdir(parents=True, exist_ok=True)
-    _write(options.out / "benchmarks.json", json.dumps({"machine": machine, "results": results}))
-    _write(options.out / "benchmarks.md", text)
+    document = {"machine": machine, "results": results}
+    write_whole(options.out / "benchmarks.json", json.dumps(document))
+    write_whole(options.out / "benchmarks.md", text)
     return 0 if all(result.get("passed", True) for result in results) else 1
 
 
@@ -118,12 +121,6 @@ def _heading(machine: dict[str, Any]) -> str:
         f"# Benchmarks\n\n{facts}\n\nTimes in seconds; first_s includes compilation, the others "
         "are warm calls in turn. The machine may be shared: trust medians and ratios."
     )
-
-
-def _write(path: pathlib.Path, text: str) -> None:
-    partial = path.with_suffix(path.suffix + ".part")
-    partial.write_text(text)
-    partial.replace(path)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from lumped.whole_files import write_whole
+
 VESSEL_KEYS = {
     "R_viscous": "R_poiseuille",
     "C": "C",
@@ -35,14 +37,8 @@ def load_json(path: str | os.PathLike[str], expected: str) -> Any:
 
 def dump_json(path: str | os.PathLike[str], config: Any, *, sort_keys: bool = False) -> None:
     """Write JSON beside the target, then rename: a reader never sees half a file."""
-    target = pathlib.Path(path)
     text = json.dumps(config, indent=2, sort_keys=sort_keys) + "\n"
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(pathlib.Path(path), text, shared=True)
 
 
 def is_finite(value: object) -> bool:

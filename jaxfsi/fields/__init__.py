@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
-    from jaxfsi.fields.frame import Grid, write_whole
+    from jaxfsi.fields.frame import Grid
     from jaxfsi.fields.series import Entry, frame_name, read_series, write_series
     from jaxfsi.fields.wall_shear import (
         WallPatches,

@@ -5,7 +5,6 @@ and regions are the same in every frame and are compressed once. The same number
 bytes. Source: "VTK file formats", VTK user's guide, section on XML formats.
 """
 
-import os
 import pathlib
 import zlib
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxfsi.text_files import Malformed, why
+from lumped.whole_files import write_whole
 
 _LEVEL = 1  # most of the gain for a fraction of the time
 _TETRA = 10
@@ -125,29 +125,6 @@ def read_time(path: pathlib.Path) -> float:
         raise ValueError(
             f"{path} is no frame: {why(error)}. Remove it, or write it again."
         ) from None
-
-
-def write_whole(path: pathlib.Path, content: bytes, *, lasting: bool = False) -> None:
-    """Write a file under a temporary name in its folder, then rename it.
-
-    Args:
-        path: file to write.
-        content: what to write.
-        lasting: wait until it is on disk, so that it also survives a loss of power.
-    """
-    part = path.with_name(f".{path.name}.part")
-    with part.open("wb") as file:
-        file.write(content)
-        if lasting:
-            file.flush()
-            os.fsync(file.fileno())
-    os.replace(part, path)
-    if lasting and os.name == "posix":
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
 
 Packed = tuple[str, str, int, bytes]

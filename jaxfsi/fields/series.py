@@ -10,7 +10,8 @@ import re
 import xml.etree.ElementTree as ET
 from typing import NamedTuple
 
-from jaxfsi.fields.frame import read_time, write_whole
+from jaxfsi.fields.frame import read_time
+from lumped.whole_files import write_whole
 
 _STEP = re.compile(r"_(\d+)\.[a-z]+$")
 
@@ -65,7 +66,7 @@ def write_series(path: pathlib.Path, entries: list[Entry]) -> None:
         "</Collection>",
         "</VTKFile>",
     ]
-    write_whole(path, ("\n".join(text) + "\n").encode())
+    write_whole(path, "\n".join(text) + "\n")
 
 
 def read_series(path: pathlib.Path) -> list[Entry]:

@@ -8,8 +8,6 @@ svMultiPhysics takes for them. Layout: SimVascular documentation, "Mesh files".
 
 import json
 import pathlib
-import shutil
-import tempfile
 from typing import NamedTuple
 
 import meshio
@@ -27,6 +25,7 @@ from jaxfsi.mesh_files.vtk_xml import check_vtk_xml
 from jaxfsi.mesh_files.vtp import read_vtp, write_vtp
 from jaxfsi.mesh_parts import submesh
 from jaxfsi.text_files import regular_text
+from lumped.whole_files import staging
 
 ELEMENT_ID = "GlobalElementID"
 FACE_ID = "ModelFaceID"
@@ -208,9 +207,8 @@ def write_folder(
     check_target(path)
     points = points_in(mesh, unit, path, any_size)
     part = submesh(mesh, region)
-    staging = pathlib.Path(tempfile.mkdtemp(prefix=".writing-", dir=path.parent))
-    try:
-        new = staging / path.name
+    with staging(path.parent) as stage:
+        new = stage / path.name
         (new / _SURFACES).mkdir(parents=True)
         point_data: dict[str, ArrayLike] = {
             NODE_ID: id_array(np.arange(1, len(part.nodes) + 1), NODE_ID),
@@ -232,8 +230,6 @@ def write_folder(
         _write_surfaces(new, mesh, part.mesh, local, part.nodes)
         (new / _ENTRY).write_text(entry_text(mesh, unit) + "\n", encoding="utf-8")
         new.rename(path)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
 
 
 def _write_surfaces(

@@ -4,9 +4,7 @@ import contextlib
 import lzma
 import os
 import pathlib
-import shutil
 import struct
-import tempfile
 import warnings
 import xml.etree.ElementTree as ET
 import xml.parsers.expat
@@ -16,6 +14,7 @@ from collections.abc import Iterator
 import meshio
 
 from jaxfsi.text_files import why
+from lumped.whole_files import staging
 
 
 class MeshFileError(ValueError):
@@ -93,10 +92,7 @@ def staged(target: pathlib.Path) -> Iterator[pathlib.Path]:
     """
     if not target.parent.is_dir():
         raise MeshFileError(f"there is no folder {target.parent}. Make it first.")
-    folder = pathlib.Path(tempfile.mkdtemp(prefix=".writing-", dir=target.parent))
-    try:
+    with staging(target.parent) as folder:
         yield folder
         for path in sorted(folder.iterdir(), key=lambda path: path.name == target.name):
             os.replace(path, target.parent / path.name)
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -17,12 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfsi.core.step.state import State
-from jaxfsi.fields.frame import write_whole
 from jaxfsi.fields.npz import load_arrays
 from jaxfsi.simulation.observer import Memory
 from jaxfsi.simulation.record import Record
 from jaxfsi.simulation.step_control import Position
 from jaxfsi.text_files import why
+from lumped.whole_files import write_whole
 
 FORMAT = 1
 

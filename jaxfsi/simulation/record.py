@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from jaxfsi.fields.frame import write_whole
 from lumped.units import ML_PER_MIN, MMHG
+from lumped.whole_files import write_whole
 
 
 class Record(NamedTuple):
@@ -107,4 +107,4 @@ def write_csv(path: pathlib.Path, record: Record, names: tuple[str, ...]) -> Non
         ]
     )
     rows = [",".join(f"{value:.12g}" for value in row) for row in table.tolist()]
-    write_whole(path, ("\n".join([",".join(columns(names)), *rows]) + "\n").encode())
+    write_whole(path, "\n".join([",".join(columns(names)), *rows]) + "\n")

@@ -12,7 +12,7 @@ from study.run.mesh import chosen_states, mesh_states
 from study.run.progress import Progress
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
-from study.store.output import write_tree
+from study.store.output import write_files
 from study.store.provenance import provenance
 from study.store.result_files import MESH_FILE, PAGE_FILE
 from study.store.stored_document import to_json
@@ -35,10 +35,10 @@ def mesh_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) 
         meshes = mesh_states(case, states, progress)
         progress.step("writing the files")
         document = mesh_document(case, meshes, options.format, origin)
-        written = write_tree(
+        written = write_files(
             folder,
-            lambda part: write_meshes(part, meshes, options.format, case.mesh.unit),
             {PAGE_FILE: html_report(document, embedded(meshes)), MESH_FILE: to_json(document)},
+            fill=lambda part: write_meshes(part, meshes, options.format, case.mesh.unit),
             before=lambda names: make_way(folder, document, note, names),
         )
     return Answer(document, written)

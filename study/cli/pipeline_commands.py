@@ -17,7 +17,7 @@ from study.run.sweep import sweep_case, sweep_table
 from study.run.tuning import calibrate_case
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
-from study.store.output import write_files, write_tree
+from study.store.output import write_files
 from study.store.provenance import provenance
 from study.store.result_files import (
     CALIBRATION_FILE,
@@ -42,10 +42,10 @@ def run_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -
         progress.step("writing the report")
         document = {**case_document(result, origin), "mesh": part}
         page = html_report(document, embedded(meshes))
-        written = write_tree(
+        written = write_files(
             folder,
-            lambda part: write_meshes(part, meshes, ("vtu",), case.mesh.unit),
             {REPORT_FILE: page, RESULT_FILE: to_json(document)},
+            fill=lambda part: write_meshes(part, meshes, ("vtu",), case.mesh.unit),
             before=lambda names: make_way(folder, document, note, names),
         )
     return Answer(document, written)

@@ -25,7 +25,7 @@ from study.run.setup import check_simulation, plan_steps, prepare_simulation
 from study.run.simulation import STEP_NAME, Outcome, march_seconds, run_simulation
 from study.store.earlier_run import can_go_on, make_way, set_run_aside
 from study.store.folder_lock import at_work
-from study.store.output import write_tree
+from study.store.output import write_files
 from study.store.provenance import provenance
 from study.store.result_files import SIMULATION_FILE, SIMULATION_PAGE
 from study.store.stored_document import to_json
@@ -70,10 +70,10 @@ def simulate_command(options: argparse.Namespace, case: Case, folder: pathlib.Pa
             case, options.condition, setup, outcome, drawn, folder, origin
         )
         page = simulation_report(document, embedded_pictures(drawn))
-        written = write_tree(
+        written = write_files(
             folder,
-            lambda part: write_pictures(part, drawn),
             {SIMULATION_PAGE: page, SIMULATION_FILE: to_json(document)},
+            fill=lambda part: write_pictures(part, drawn),
             before=lambda names: make_way(folder, document, note, names),
         )
     return Answer(document, written, _ending(outcome, folder))

@@ -21,7 +21,7 @@ from study.report.simulation_results import SERIES_FILE, Drawn, embedded_picture
 from study.run.algorithm import LOOP, StudyResult, shown_runs
 from study.run.openings import Inlet
 from study.run.progress import Progress
-from study.store.output import write_tree
+from study.store.output import write_files
 from study.store.result_files import STUDY_FILE, STUDY_PAGE
 from study.store.result_files import STUDY_PICTURES as PICTURE_FOLDER
 from study.store.stored_document import to_json
@@ -59,7 +59,7 @@ def write_study(
             (place / f"{name}-{FILM_SUFFIX}").write_bytes(content)
 
     files = {STUDY_PAGE: page, STUDY_FILE: to_json(document)}
-    return document, write_tree(result.bench.folder, fill, files)
+    return document, write_files(result.bench.folder, files, fill=fill)
 
 
 def study_report(

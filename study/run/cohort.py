@@ -18,8 +18,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
-from jaxfsi.fields.frame import write_whole
 from jaxfsi.text_files import regular_text
+from lumped.whole_files import write_whole
 from study.case.faults import CaseError
 from study.case.model import read_case
 from study.run.members import Member
@@ -230,7 +230,7 @@ def _ended(member: Member, mode: Mode, extra: Sequence[str], status: int, start:
         except CaseError as error:
             return Fate(member, 1, seconds, None, " ".join(str(error).split()))
         kept = {"key": member_key(member, mode, extra), "status": 0, "seconds": seconds}
-        write_whole(member.folder / STATUS_FILE, json.dumps(kept).encode())
+        write_whole(member.folder / STATUS_FILE, json.dumps(kept))
     else:
         text = (member.folder / LOG_FILE).read_text(encoding="utf-8", errors="replace")
         lines = [line for line in text.splitlines() if line.strip()]

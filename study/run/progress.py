@@ -16,8 +16,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-from jaxfsi.fields.frame import write_whole
 from jaxfsi.text_files import regular_text
+from lumped.whole_files import write_whole
 from study.store.cache_folder import cache_folder
 
 QUIET_SECONDS = 2.0
@@ -258,7 +258,7 @@ class _Memory:
             return
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(self._path, json.dumps({**self._known, **self._new}).encode())
+            write_whole(self._path, json.dumps({**self._known, **self._new}), shared=True)
 
 
 def _telling(ratio: float) -> float:

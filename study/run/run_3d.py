@@ -15,11 +15,12 @@ import numpy as np
 from jaxfsi import Mesh
 from jaxfsi.core.laws.ports import BlockPort
 from jaxfsi.core.step.state import State
-from jaxfsi.fields import read_series, write_whole
+from jaxfsi.fields import read_series
 from jaxfsi.simulation import Record
 from jaxfsi.simulation.record import port_flow, port_pressure
 from jaxfsi.text_files import regular_text
 from lumped import ML_PER_MIN, MMHG
+from lumped.whole_files import write_whole
 from study.case.model import Case
 from study.run.aortic_site import cycle_offsets, site_pressures
 from study.run.cycles import cycle_means
@@ -121,7 +122,7 @@ class Bench:
         folder.mkdir(parents=True, exist_ok=True)
         if not mark.is_file() or mark.read_text(encoding="utf-8").split("\n")[0] != key:
             clear_run(folder)
-            write_whole(mark, f"{key}\n{json.dumps(made_now())}\n".encode())
+            write_whole(mark, f"{key}\n{json.dumps(made_now())}\n")
         return folder
 
     def run_begun(self, name: str) -> dict[str, Any] | None:

@@ -20,8 +20,6 @@ again follows (implicit function theorem, as in `calibration.sensitivity`).
 """
 
 import dataclasses
-import io
-import pathlib
 import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -46,8 +44,6 @@ from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State, initial_state
 from jaxfsi.core.step.stepper import Stepper, prepare
-from jaxfsi.fields.frame import write_whole
-from jaxfsi.fields.npz import load_arrays
 from jaxfsi.mesh import OUTER_WALL, Mesh
 from lumped import StressRule
 from lumped.parameters import Parameter
@@ -63,7 +59,7 @@ from study.run.setup import (
     outlets_of,
 )
 from study.run.simulation import DAMPING, MOST_SYSTEMS
-from study.store.stages import stage_key
+from study.store.stages import PartOfStage, stage_key
 
 MOST_ITERATIONS = 80
 """Iterations of one solve of a transposed system, which is reduced further than a step's."""
@@ -143,7 +139,7 @@ def run_sensitivity(bench: Bench, name: RunName) -> Sensitivity:
     def compute() -> dict[str, np.ndarray]:
         begun = time.monotonic()
         setup = setup_of(bench, name)
-        kept = Kept(bench.folder / "stages" / f"{stage}-part.npz", key)
+        kept = PartOfStage(bench.stages, f"{stage}-part", key)
         swept = swept_gradient(bench.case, setup, bench.site, kept, bench.progress)
         bench.progress.tell("derivatives by parameters", 10.0)
         relative, nodes = by_parameters(swept, bench.case, name, setup)
@@ -152,7 +148,7 @@ def run_sensitivity(bench: Bench, name: RunName) -> Sensitivity:
         arrays = {f"by {k}": np.array(v) for k, v in relative.items()}
         arrays |= {"lumen": density(g, surface), "raw": density(g, surface, length=0.0)}
         seconds = np.array(time.monotonic() - begun)
-        kept.path.unlink(missing_ok=True)
+        kept.drop()
         return {**arrays, "ratio": np.array(swept.ratio), "seconds": seconds}
 
     found = bench.stages.arrays(stage, key, compute)
@@ -166,7 +162,7 @@ def swept_gradient(
     case: Case,
     setup: Setup,
     site: np.ndarray | None,
-    kept: "Kept | None" = None,
+    kept: PartOfStage | None = None,
     progress: Progress | None = None,
 ) -> RatioGradient:
     """Derivative of the ratio of a run by model and start.
@@ -312,30 +308,6 @@ def _prestress_part(
     elastic = _elastic(model)
     numbers = (model.x, *(jnp.asarray(v, float) for v in (elastic.E, elastic.nu, P_image)))
     return pulled(numbers, by_model.prestress)
-
-
-class Kept:
-    """What a sweep has gathered, in a file beside the stages."""
-
-    def __init__(self, path: pathlib.Path, key: str):
-        """Arrays are found again only under the same key."""
-        self.path, self._key = path, key
-
-    def load(self) -> dict[str, np.ndarray] | None:
-        """What was kept under the key."""
-        try:
-            arrays = load_arrays(self.path)
-        except (OSError, ValueError):
-            return None
-        key = arrays.pop("key", None)
-        return arrays if str(key) == self._key else None
-
-    def save(self, arrays: dict[str, np.ndarray]) -> None:
-        """Keep arrays in place of those before."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        buffer = io.BytesIO()
-        np.savez(buffer, key=np.array(self._key), **arrays)  # pyright: ignore[reportArgumentType]
-        write_whole(self.path, buffer.getvalue())
 
 
 def recalibrated(

@@ -10,10 +10,10 @@ import contextlib
 import os
 import pathlib
 import shutil
-import tempfile
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
+from lumped.whole_files import staging
 from study.case.faults import CaseError
 from study.store.identity import identity
 from study.store.result_files import (
@@ -30,7 +30,7 @@ from study.store.stored_document import load_document
 EARLIER = "earlier-"
 """How the names of the folders of earlier results begin."""
 
-_PART = (".earlier-", ".part")
+_PART = ".earlier-"
 _COMPUTED = (CHECKPOINT_FILE, HISTORY_FILE, SHEAR_FILE)
 
 
@@ -153,22 +153,18 @@ def set_aside(
     Returns:
         The sub-folder; None where nothing was there.
     """
-    for left in folder.glob(f"{_PART[0]}*{_PART[1]}"):  # of a process that was killed here
+    for left in folder.glob(f"{_PART}*"):  # of a process that was killed here
         shutil.rmtree(left, ignore_errors=True)
     own = [name for name in dict.fromkeys(names) if _plain(name)]
     paths = [folder / name for name in own if (folder / name).exists()]
     if not paths:
         return None
-    part = pathlib.Path(tempfile.mkdtemp(prefix=_PART[0], suffix=_PART[1], dir=folder))
-    try:
+    with staging(folder, _PART) as part:
         for path in paths:
             _collect(path, part / path.name)
         part.chmod(folder.stat().st_mode & 0o777)
         place = folder / f"{EARLIER}{_latest(folder) + 1}"
         os.replace(part, place)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
     for path in paths:
         if path.name in keep:
             continue
@@ -187,7 +183,7 @@ def _latest(folder: pathlib.Path) -> int:
 def _collect(path: pathlib.Path, place: pathlib.Path) -> None:
     """Put a file or a folder at a second place, earlier results inside it left out."""
     if path.is_dir() and not path.is_symlink():
-        ignore = shutil.ignore_patterns(f"{EARLIER}*", f"{_PART[0]}*")
+        ignore = shutil.ignore_patterns(f"{EARLIER}*", f"{_PART}*")
         shutil.copytree(path, place, copy_function=_link, symlinks=True, ignore=ignore)
     else:
         _link(path, place)

@@ -6,24 +6,19 @@ It is found again only by the same input files and options, under the same numer
 """
 
 import dataclasses
-import json
 import os
 import pathlib
 import shutil
-import tempfile
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from jaxfsi import Mesh
-from jaxfsi.fields.npz import load_arrays
-from jaxfsi.text_files import regular_text
+from lumped.whole_files import staging
 from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
 from study.case.model import Case
 from study.store.cache_folder import cache_folder
 from study.store.numerics import library
 from study.store.provenance import files_of, sha256
-from study.store.stages import stage_key
+from study.store.stages import Stages, stage_key
 
 MOST_ENTRIES = 24
 """Entries beyond this number are dropped, those longest unused first."""
@@ -31,6 +26,7 @@ MOST_ENTRIES = 24
 _BACKENDS = {"gmsh": "gmsh", "tetgen": "tetgen"}
 """Libraries of the meshers of volumes that only some installations have."""
 
+_MESH, _ABOUT = "mesh", "about"
 _ARRAYS = ("points", "tets", "region", "faces", "face_label")
 
 
@@ -93,24 +89,24 @@ def load_mesh(key: str) -> StateMesh | None:
     folder = _folder()
     if folder is None or not (folder / key).is_dir():
         return None
-    entry = folder / key
+    entry, stages = folder / key, Stages(folder / key)
     try:
-        names = json.loads(regular_text(entry / "mesh.json"))
-        document = json.loads(regular_text(entry / "document.json"))
-        made = dict(json.loads(regular_text(entry / "made.json")))
-        stored = load_arrays(entry / "mesh.npz")
+        about, stored = stages.known(_ABOUT, key), stages.known_arrays(_MESH, key)
+        if about is None or stored is None:
+            raise ValueError("damaged")
         mesh = Mesh(
-            **{name: stored[name] for name in _ARRAYS},
-            label_names=tuple(names["label_names"]),
-            node_ids=stored.get("node_ids"),
-            meta=names["meta"],
+            **{name: stored.value[name] for name in _ARRAYS},
+            label_names=tuple(about.value["label_names"]),
+            node_ids=stored.value.get("node_ids"),
+            meta=about.value["meta"],
         )
+        document = about.value["document"]
         pictures = {path.stem: path.read_bytes() for path in sorted(entry.glob("*.png"))}
         os.utime(entry)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         shutil.rmtree(entry, ignore_errors=True)
         return None
-    return StateMesh(mesh, document, pictures, made)
+    return StateMesh(mesh, document, pictures, about.made)
 
 
 def store_mesh(key: str, made: StateMesh) -> None:
@@ -120,28 +116,25 @@ def store_mesh(key: str, made: StateMesh) -> None:
         return
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        part = pathlib.Path(tempfile.mkdtemp(prefix=".writing-", dir=folder))
-    except OSError:
-        return
-    try:
-        mesh = made.mesh
-        arrays = {name: getattr(mesh, name) for name in _ARRAYS}
-        if mesh.node_ids is not None:
-            arrays["node_ids"] = mesh.node_ids
-        np.savez(part / "mesh.npz", **arrays)
-        names = {"label_names": mesh.label_names, "meta": mesh.meta}
-        (part / "mesh.json").write_text(json.dumps(names), encoding="utf-8")
-        (part / "document.json").write_text(json.dumps(made.document), encoding="utf-8")
-        (part / "made.json").write_text(json.dumps(made.made), encoding="utf-8")
-        for name, content in made.pictures.items():
-            (part / f"{name}.png").write_bytes(content)
-        if not (folder / key).exists():
-            os.replace(part, folder / key)
+        with staging(folder) as part:
+            _fill(Stages(part), key, made)
+            if not (folder / key).exists():
+                os.replace(part, folder / key)
         _prune(folder)
-    except (OSError, TypeError):
-        pass
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+    except (OSError, TypeError, ValueError):
+        return
+
+
+def _fill(stages: Stages, key: str, made: StateMesh) -> None:
+    mesh = made.mesh
+    arrays = {name: getattr(mesh, name) for name in _ARRAYS}
+    if mesh.node_ids is not None:
+        arrays["node_ids"] = mesh.node_ids
+    stages.keep_arrays(_MESH, key, arrays, made.made)
+    about = {"label_names": mesh.label_names, "meta": mesh.meta, "document": made.document}
+    stages.keep(_ABOUT, key, about, made.made)
+    for name, content in made.pictures.items():
+        (stages.folder / f"{name}.png").write_bytes(content)
 
 
 def _folder() -> pathlib.Path | None:

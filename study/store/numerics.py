@@ -29,8 +29,8 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from jaxfsi.fields.frame import write_whole
 from jaxfsi.text_files import regular_text
+from lumped.whole_files import write_whole
 from study.store.cache_folder import cache_folder
 from study.store.numerics_manifest import (
     MANIFEST,
@@ -239,7 +239,7 @@ def _digests(names: Sequence[str]) -> dict[str, str]:
     if path is not None and fresh:
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, json.dumps({**kept, **fresh}).encode())
+            write_whole(path, json.dumps({**kept, **fresh}), shared=True)
     return found
 
 

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxfsi.fields.frame import write_whole
 from jaxfsi.fields.npz import load_arrays
 from jaxfsi.text_files import regular_text
+from lumped.whole_files import write_whole
 from study.store.numerics import decided_by
 from study.store.provenance import made_now
 
@@ -115,9 +115,18 @@ class Stages:
             compute: gives it.
         """
         found = self.known(name, key)
-        if found is not None:
-            return found.value
-        stored = {_KEY: key, _MADE: made_now(), "value": compute()}
+        return self.keep(name, key, compute()) if found is None else found.value
+
+    def keep(self, name: str, key: str, value: Any, made: Mapping[str, Any] | None = None) -> Any:
+        """Keep a value; gives it as it comes back from JSON.
+
+        Args:
+            name: of the stage, fit for a file name.
+            key: hash of its inputs.
+            value: what JSON can hold.
+            made: when and by which code; None: now, by this.
+        """
+        stored = {_KEY: key, _MADE: made or made_now(), "value": value}
         text = json.dumps(stored, allow_nan=False)
         self._write(f"{name}.json", text.encode())
         return json.loads(text)["value"]
@@ -140,12 +149,22 @@ class Stages:
         kept = self.known_arrays(name, key)
         if kept is not None:
             return kept.value
-        made = np.array(json.dumps(made_now()))
         found = {part: np.asarray(array) for part, array in compute().items()}
-        buffer = io.BytesIO()
-        np.savez(buffer, key=np.array(key), made=made, **found)  # pyright: ignore
-        self._write(f"{name}.npz", buffer.getvalue())
+        self.keep_arrays(name, key, found)
         return found
+
+    def keep_arrays(
+        self,
+        name: str,
+        key: str,
+        arrays: Mapping[str, np.ndarray],
+        made: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Keep arrays by name, in place of those before; the arguments are those of `keep`."""
+        said = np.array(json.dumps(made or made_now()))
+        buffer = io.BytesIO()
+        np.savez(buffer, key=np.array(key), made=said, **arrays)  # pyright: ignore
+        self._write(f"{name}.npz", buffer.getvalue())
 
     def made(self, name: str) -> dict[str, Any] | None:
         """When and by which code the stage of a name was made; None where there is none."""
@@ -160,3 +179,24 @@ class Stages:
     def _write(self, name: str, content: bytes) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)
         write_whole(self.folder / name, content)
+
+
+class PartOfStage:
+    """Arrays of a stage at work, kept as they grow."""
+
+    def __init__(self, stages: Stages, name: str, key: str):
+        """They are found again only under the same key."""
+        self._stages, self._name, self._key = stages, name, key
+
+    def load(self) -> dict[str, np.ndarray] | None:
+        """What was kept under the key."""
+        kept = self._stages.known_arrays(self._name, self._key)
+        return None if kept is None else kept.value
+
+    def save(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Keep arrays in place of those before."""
+        self._stages.keep_arrays(self._name, self._key, arrays)
+
+    def drop(self) -> None:
+        """Keep nothing: the stage is finished."""
+        (self._stages.folder / f"{self._name}.npz").unlink(missing_ok=True)

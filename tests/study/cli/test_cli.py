@@ -284,7 +284,7 @@ def test_failures_have_their_exit_status_and_keep_older_results(
 ):
     folder = case_file.parent / "small-results"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    where = "write_tree" if isinstance(error, OSError) else "run_case"
+    where = "write_files" if isinstance(error, OSError) else "run_case"
     monkeypatch.setattr(f"study.cli.pipeline_commands.{where}", fail_with(error))
     outcome = command("run", case_file)
     assert outcome.status == status

@@ -15,7 +15,6 @@ from study.case.model import SurrogateParameters
 from study.run.progress import Progress
 from study.run.run_3d import Bench, RunChoice, RunName, setup_of
 from study.run.sensitivity import (
-    Kept,
     boundary_of,
     by_parameters,
     gradient_stepper,
@@ -129,15 +128,3 @@ def test_tuning_alpha_again_takes_out_what_rest_absorbs():
     assert again == pytest.approx({"E": 0.0, "mu": -0.02})
     kept = recalibrated(stress, rest, lambda name: name != "E")
     assert kept["E"] == 0.05
-
-
-def test_gradients_kept_in_part_are_found_whole_or_not_at_all(tmp_path):
-    kept = Kept(tmp_path / "part.npz", "key")
-    kept.save({"a": np.arange(3.0)})
-    found = kept.load()
-    assert found is not None
-    assert found.keys() == {"a"}
-    np.testing.assert_array_equal(found["a"], np.arange(3.0))
-    assert Kept(kept.path, "another key").load() is None
-    np.savez_compressed(kept.path, key=np.array("key"), a=np.zeros(2**22))  # 32 MB in 32 kB
-    assert kept.load() is None

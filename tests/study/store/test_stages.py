@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import study.store.numerics as numerics
-from study.store.stages import Stages, stage_key
+from study.store.stages import PartOfStage, Stages, stage_key
 
 
 def test_value_is_computed_once_and_again_for_other_inputs(tmp_path):
@@ -48,6 +48,23 @@ def test_stage_that_fails_leaves_nothing(tmp_path):
         pass
     assert stages.known("one", "key") is None
     assert not list(tmp_path.iterdir())
+
+
+def test_part_of_a_stage_is_found_whole_or_not_at_all(tmp_path):
+    stages = Stages(tmp_path)
+    part = PartOfStage(stages, "part", "key")
+    part.save({"a": np.arange(3.0)})
+    found = part.load()
+    assert found is not None
+    assert found.keys() == {"a"}
+    np.testing.assert_array_equal(found["a"], np.arange(3.0))
+    assert PartOfStage(stages, "part", "another key").load() is None
+    path = tmp_path / "part.npz"
+    np.savez_compressed(path, key=np.array("key"), a=np.zeros(2**22))  # 32 MB in 32 kB
+    assert part.load() is None
+    part.drop()
+    part.drop()
+    assert not path.exists()
 
 
 @pytest.mark.parametrize("value", [None, False, 0, "", []])

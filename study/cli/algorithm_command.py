@@ -1,31 +1,32 @@
 """The command `study`."""
 
-import argparse
 import pathlib
 
 from study.case.model import Case
 from study.cli.command_output import Answer, note
+from study.cli.request import Request
 from study.report.algorithm_report import write_study
 from study.run.algorithm import check_study, run_study
 from study.run.progress import Progress
 from study.run.study_options import study_case, study_choice
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.options import StudyOptions
 from study.store.provenance import provenance
 from study.store.result_files import STAGE_FOLDER
 
 
-def algorithm_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+def algorithm_command(request: Request[StudyOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Run the algorithm in 3D, or what is left of it.
 
     A study of other input or options makes way before the first run: runs are kept under their
     names, and one that is computed anew would take the place of that which a page shows.
     """
-    case = study_case(case, options)
-    choice = study_choice(case, options)
+    case = study_case(case, request.options)
+    choice = study_choice(case, request.options)
     check_study(case, choice)
     with at_work(folder, note), Progress() as progress:
-        origin = provenance(case, options.command_line)
+        origin = provenance(case, request.words, request.options)
         make_way(folder, {"kind": "study", "provenance": origin}, note)
         try:
             result = run_study(case, folder, choice, progress=progress)

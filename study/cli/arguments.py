@@ -7,12 +7,19 @@ import pathlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from diagnosis.richness import RICHNESS
 from jaxfsi.meshing.presets import PRESETS
+from study.cli.request import Request, ShowOptions, TemplateOptions
 from study.store.cache_folder import VARIABLE
 from study.store.numerics import installed
+from study.store.options import (
+    KINDS,
+    AlphaRange,
+    CohortOptions,
+    DiagnoseOptions,
+    Options,
+    PlanOptions,
+)
 from study.store.result_files import MESH_FORMATS as FORMATS
 
 LARGEST_COUNT = 1_000_000
@@ -176,14 +183,24 @@ diagnose.
 }
 
 
-def parse(argv: Sequence[str]) -> argparse.Namespace:
+_OPTIONS: dict[str, type[Options]] = {
+    **{name: KINDS[name] for name in _ON_CASES},
+    "cohort": CohortOptions,
+    "diagnose": DiagnoseOptions,
+    "plan-measurement": PlanOptions,
+    "show": ShowOptions,
+    "template": TemplateOptions,
+}
+
+
+def parse(argv: Sequence[str]) -> Request[Options]:
     """Parse the arguments of one command.
 
     Args:
         argv: arguments without the program's name.
 
     Returns:
-        The options; `command` is the command's name.
+        The command with its options.
 
     Raises:
         SystemExit: help was asked for (0), or the arguments make no sense (2).
@@ -254,9 +271,12 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     if "--" in given and given[:1] == ["cohort"]:
         at = given.index("--")
         given, rest = given[:at], given[at + 1 :]
-    options = parser.parse_args(given)
-    options.options = rest
-    return options
+    found = vars(parser.parse_args(given))
+    values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in found.items()}
+    values["options"] = None if rest is None else tuple(rest)
+    options = _OPTIONS[values["command"]].of(values)
+    words = ("jaxfsi", *argv)
+    return Request(values["command"], options, words, values["out"], values["json"])
 
 
 class _Version(argparse.Action):
@@ -400,7 +420,7 @@ def _formats(text: str) -> tuple[str, ...]:
     return names
 
 
-def alpha_range(text: str) -> np.ndarray:
+def alpha_range(text: str) -> AlphaRange:
     """`FROM:TO:N` as N values in equal ratios."""
     parts = text.split(":")
     try:
@@ -415,4 +435,4 @@ def alpha_range(text: str) -> np.ndarray:
         raise argparse.ArgumentTypeError(
             f"{count} values cannot be swept; try 2 to {LARGEST_COUNT}"
         )
-    return np.geomspace(low, high, count)
+    return AlphaRange(low, high, count)

@@ -1,6 +1,5 @@
 """The command `cohort`: cases of a folder side by side, and how predictions agree."""
 
-import argparse
 import datetime
 import os
 import pathlib
@@ -9,6 +8,7 @@ from typing import Any
 
 from study.case.model import read_case
 from study.cli.command_output import Answer, note
+from study.cli.request import Request
 from study.report.cohort_report import cohort_report
 from study.report.cohort_results import cohort_document
 from study.run.cohort import run_cohort
@@ -16,6 +16,7 @@ from study.run.members import Member
 from study.run.progress import Progress
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.options import CohortOptions
 from study.store.output import write_files
 from study.store.provenance import commit, inputs_of, versions
 from study.store.result_files import COHORT_FILE, COHORT_PAGE
@@ -24,23 +25,26 @@ from study.store.stored_document import to_json
 _SECONDS = {"curve": 60.0, "3d": 3000.0}
 
 
-def cohort_command(options: argparse.Namespace, members: list[Member], out: pathlib.Path) -> Answer:
+def cohort_command(
+    request: Request[CohortOptions], members: list[Member], out: pathlib.Path
+) -> Answer:
     """Run a cohort and write its page.
 
     A cohort of other input or options makes way before the first case: cases are kept under their
     names, and one that is run anew would take the place of that which a page names.
 
     Args:
-        options: of the command line.
+        request: the command.
         members: its cases.
         out: a checked folder.
 
     Raises:
         RuntimeError: every case failed.
     """
-    extra = list(options.options or [])
+    options = request.options
+    extra = options.options or ()
     with at_work(out, note), Progress() as progress:
-        origin = _provenance(options, members)
+        origin = _provenance(request, members)
         make_way(out, {"kind": "cohort", "provenance": origin}, note)
         workers = options.workers or os.cpu_count() or 1
         rounds = -(-len(members) // workers)
@@ -63,14 +67,15 @@ def cohort_command(options: argparse.Namespace, members: list[Member], out: path
     return Answer(document, written)
 
 
-def _provenance(options: argparse.Namespace, members: list[Member]) -> dict[str, Any]:
+def _provenance(request: Request[CohortOptions], members: list[Member]) -> dict[str, Any]:
     return {
         "inputs": [
             {**entry, "file": f"{member.name}/{entry['file']}"}
             for member in members
             for entry in inputs_of(read_case(member.path))
         ],
-        "command": options.command_line,
+        "command": list(request.words),
+        "options": request.options.stored(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),
         "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",

@@ -6,7 +6,6 @@ everything else to standard error.
 What a command computes with is imported once its input has been read: a refusal takes no second.
 """
 
-import argparse
 import importlib
 import os
 import pathlib
@@ -14,7 +13,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from study.case.demo import demo_case_path, demo_cohort_path
+from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
 from study.case.model import read_case, require
 from study.case.record import read_record, record_path
@@ -23,9 +22,11 @@ from study.case.template import case_template
 from study.cli.arguments import parse
 from study.cli.command_output import Answer, note, note_written
 from study.cli.entry import Signals
+from study.cli.request import Request, ShowOptions, TemplateOptions
 from study.report.summary import summary
 from study.run.members import check_members, find_members
 from study.store.cache_folder import use_cache
+from study.store.options import CaseOptions, CohortOptions, RecordOptions, case_path
 from study.store.output import OutputRefused, check_folder, write_files
 from study.store.stored_document import load_document, readable, to_json, without_waveforms
 
@@ -46,12 +47,11 @@ def run(argv: Sequence[str] | None, signals: Signals) -> int:
     """
     given = list(sys.argv[1:] if argv is None else argv)
     try:
-        options = parse(given)
+        request = parse(given)
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else REFUSED
-    options.command_line = ["jaxfsi", *given]
     try:
-        _run(options, signals)
+        _run(request, signals)
     except (CaseError, OutputRefused) as refusal:
         note(str(refusal))
         return REFUSED
@@ -85,19 +85,19 @@ def _reason(error: OSError) -> str:
     return f"{place}: {error.strerror}" if place else error.strerror
 
 
-def _run(options: argparse.Namespace, signals: Signals) -> None:
+def _run(request: Request[Any], signals: Signals) -> None:
     """Read the input, compute, write, tell."""
-    if options.command == "template":
-        return _template(options)
-    command = _COMMANDS[options.command]
-    given = command.read(options)
+    if request.command == "template":
+        return _template(request)
+    command = _COMMANDS[request.command]
+    given = command.read(request)
     answer = Answer(given[0], [])
-    if options.command != "show" or options.out is not None:
+    if request.command != "show" or request.out is not None:
         use_cache()
         body = getattr(importlib.import_module(command.module), command.name)
         signals.working()
-        answer = body(options, *given)
-    if options.json:
+        answer = body(request, *given)
+    if request.json:
         files = {"files": [str(path) for path in answer.written]} if answer.written else {}
         print(to_json({**without_waveforms(dict(answer.document)), **files}), end="")
     else:
@@ -107,71 +107,72 @@ def _run(options: argparse.Namespace, signals: Signals) -> None:
         raise answer.ending
 
 
-def _case(options: argparse.Namespace) -> tuple[Any, ...]:
+def _case(request: Request[CaseOptions]) -> tuple[Any, ...]:
     """The case, and the checked folder for its results."""
-    path = demo_case_path() if options.demo else options.case
+    path = case_path(request.options)
     case = read_case(path)
-    if options.command in ("mesh", "simulate", "study"):
-        require(case, options.command)
-    return case, check_folder(_folder(options, path))
+    if request.command in ("mesh", "simulate", "study"):
+        require(case, request.command)
+    return case, check_folder(_folder(request, path))
 
 
-def _folder(options: argparse.Namespace, case: pathlib.Path) -> pathlib.Path:
+def _folder(request: Request[CaseOptions], case: pathlib.Path) -> pathlib.Path:
     """Where results go: as asked, else beside the case, and never into the package itself."""
     package = pathlib.Path(__file__).resolve().parents[1]
-    if options.out is not None:
-        folder = options.out
+    if request.out is not None:
+        folder = request.out
         if folder.resolve().is_relative_to(package):
             raise OutputRefused(
                 f"{folder}: this is inside the package, where results would be lost. "
                 "Name another folder: --out."
             )
         return folder
-    if options.demo:
+    if request.options.demo:
         return pathlib.Path("results")
     folder = case.parent / f"{case.stem}-results"
     return pathlib.Path(folder.name) if folder.resolve().is_relative_to(package) else folder
 
 
-def _cohort(options: argparse.Namespace) -> tuple[Any, ...]:
+def _cohort(request: Request[CohortOptions]) -> tuple[Any, ...]:
     """The cases of a cohort, all read once, and the checked folder for its results."""
-    if options.demo:
-        options.folder = demo_cohort_path()
-    beside = pathlib.Path(f"{options.folder.name}-results")
-    fallback = pathlib.Path("results") if options.demo else options.folder.parent / beside
-    folder = check_folder(options.out or fallback)
-    members = find_members(options.folder, folder)
+    place = request.options.folder or demo_cohort_path()
+    beside = pathlib.Path(f"{place.name}-results")
+    fallback = pathlib.Path("results") if request.options.demo else place.parent / beside
+    folder = check_folder(request.out or fallback)
+    members = find_members(place, folder)
     check_members(members)
     return members, folder
 
 
-def _record(options: argparse.Namespace) -> tuple[Any, ...]:
+def _record(request: Request[RecordOptions]) -> tuple[Any, ...]:
     """The record, what it lacks, and the checked folder for its results."""
-    record, remarks = read_record(options.record, needs_data=options.command == "diagnose")
-    place = record_path(options.record).resolve().parent
-    folder = place.parent / f"{place.name}-results" if options.out is None else options.out
+    given = request.options.record
+    record, remarks = read_record(given, needs_data=request.command == "diagnose")
+    place = record_path(given).resolve().parent
+    folder = place.parent / f"{place.name}-results" if request.out is None else request.out
     return record, remarks, check_folder(folder)
 
 
-def _stored(options: argparse.Namespace) -> tuple[Any, ...]:
+def _stored(request: Request[ShowOptions]) -> tuple[Any, ...]:
     """A stored result."""
-    document = load_document(options.result)
-    readable(options.result, document, lambda: (summary(document), without_waveforms(document)))
+    result = request.options.result
+    document = load_document(result)
+    readable(result, document, lambda: (summary(document), without_waveforms(document)))
     return (document,)
 
 
-def _template(options: argparse.Namespace) -> None:
+def _template(request: Request[TemplateOptions]) -> None:
     files = {CASE_FILE: case_template()}
-    if options.record:
+    if request.options.record:
         files = {EXAMPLE_FILE: example_traces(), RECORD_FILE: record_template()}
     text, written = list(files.values())[-1], []
-    if options.out is not None:
-        folder = check_folder(options.out)
+    if request.out is not None:
+        folder = check_folder(request.out)
         for name in files:
             if (folder / name).exists():
                 raise OutputRefused(f"{folder / name}: exists already. Name another --out.")
         written = write_files(folder, files)
-    if options.json:
+    if request.json:
         print(to_json({"template": text, "files": [str(path) for path in written]}), end="")
     elif not written:
         print(text, end="")
@@ -187,7 +188,7 @@ class _Command(NamedTuple):
         name: of the body there.
     """
 
-    read: Callable[[argparse.Namespace], tuple[Any, ...]]
+    read: Callable[[Request[Any]], tuple[Any, ...]]
     module: str
     name: str
 

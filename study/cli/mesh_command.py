@@ -1,25 +1,27 @@
 """The command `mesh`."""
 
-import argparse
 import dataclasses
 import pathlib
 
 from study.case.model import Case
 from study.cli.command_output import Answer, note
+from study.cli.request import Request
 from study.report.mesh_results import embedded, mesh_document, write_meshes
 from study.report.page import html_report
 from study.run.mesh import chosen_states, mesh_states
 from study.run.progress import Progress
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.options import MeshOptions
 from study.store.output import write_files
 from study.store.provenance import provenance
 from study.store.result_files import MESH_FILE, PAGE_FILE
 from study.store.stored_document import to_json
 
 
-def mesh_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+def mesh_command(request: Request[MeshOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Make a labelled mesh of blood and wall, with its pictures."""
+    options = request.options
     given = {
         "preset": options.preset,
         "elements_across": options.elements_across,
@@ -31,7 +33,7 @@ def mesh_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) 
     case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, **chosen))
     states = chosen_states(case, options.state)
     with at_work(folder, note), Progress() as progress:
-        origin = provenance(case, options.command_line)
+        origin = provenance(case, request.words, options)
         meshes = mesh_states(case, states, progress)
         progress.step("writing the files")
         document = mesh_document(case, meshes, options.format, origin)

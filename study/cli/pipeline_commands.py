@@ -1,10 +1,10 @@
 """The commands on reduced models, `run`, `calibrate` and `sweep`."""
 
-import argparse
 import pathlib
 
 from study.case.model import Case
 from study.cli.command_output import Answer, note
+from study.cli.request import Request
 from study.report.mesh_results import embedded, write_meshes
 from study.report.page import html_report
 from study.report.results import calibration_document, case_document
@@ -17,6 +17,7 @@ from study.run.sweep import sweep_case, sweep_table
 from study.run.tuning import calibrate_case
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.options import CalibrateOptions, RunOptions, SweepOptions
 from study.store.output import write_files
 from study.store.provenance import provenance
 from study.store.result_files import (
@@ -30,10 +31,11 @@ from study.store.result_files import (
 from study.store.stored_document import to_json
 
 
-def run_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+def run_command(request: Request[RunOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Calibrate, predict every condition, write the report."""
+    options = request.options
     with at_work(folder, note), Progress() as progress:
-        origin = provenance(case, options.command_line)
+        origin = provenance(case, request.words, request.options)
         meshing = options.demo if options.mesh is None else options.mesh
         if meshing:
             progress.plan_last(planned_steps(coarse(case), states_of(case)[:1]))
@@ -51,10 +53,12 @@ def run_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -
     return Answer(document, written)
 
 
-def calibrate_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+def calibrate_command(
+    request: Request[CalibrateOptions], case: Case, folder: pathlib.Path
+) -> Answer:
     """Find the scale of the outlet's resistances."""
     with at_work(folder, note), Progress() as progress:
-        origin = provenance(case, options.command_line)
+        origin = provenance(case, request.words, request.options)
         patient, tuning = calibrate_case(case, progress=progress)
         document = calibration_document(patient, tuning, origin)
         written = write_files(
@@ -65,13 +69,16 @@ def calibrate_command(options: argparse.Namespace, case: Case, folder: pathlib.P
     return Answer(document, written)
 
 
-def sweep_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+def sweep_command(request: Request[SweepOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Ratios and flows over a range of that scale."""
+    options = request.options
     with at_work(folder, note), Progress() as progress:
-        origin = provenance(case, options.command_line)
+        origin = provenance(case, request.words, request.options)
         progress.plan({"sweeping alpha": 8.0})
         progress.step("sweeping alpha")
-        found = sweep_case(case, options.alpha, condition=options.condition, rule=options.rule)
+        found = sweep_case(
+            case, options.alpha.values(), condition=options.condition, rule=options.rule
+        )
         document = {**found, "provenance": origin}
         files = {
             TABLE_FILE: sweep_table(document),

@@ -1,10 +1,10 @@
 """The commands on records, `diagnose` and `plan-measurement`."""
 
-import argparse
 import pathlib
 
 from diagnosis import Record
 from study.cli.command_output import Answer, note
+from study.cli.request import Request
 from study.report.diagnosis_report import diagnosis_report
 from study.report.diagnosis_results import diagnosis_document
 from study.report.results import Document
@@ -13,13 +13,14 @@ from study.run.diagnosis_in_3d import gap_in_3d, study_in_3d
 from study.run.progress import Progress
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.options import DiagnoseOptions, PlanOptions, RecordOptions
 from study.store.output import write_files
 from study.store.result_files import DIAGNOSIS_FILE, DIAGNOSIS_PAGE, PLAN_FILE
 from study.store.stored_document import to_json
 
 
 def diagnose_command(
-    options: argparse.Namespace,
+    request: Request[DiagnoseOptions],
     record: Record,
     remarks: tuple[str, ...],
     folder: pathlib.Path,
@@ -27,7 +28,7 @@ def diagnose_command(
     """Diagnose a record and write its page; then, where asked for, the gap in 3D beside it.
 
     Args:
-        options: of the command line.
+        request: the command.
         record: the record.
         remarks: what it lacks.
         folder: a checked folder.
@@ -37,16 +38,17 @@ def diagnose_command(
         RuntimeError: a 3D run failed; the diagnosis without it is written.
         KeyboardInterrupt: the user interrupted one; likewise.
     """
+    options = request.options
     record, remarks = _known(options, record, remarks)
     with at_work(folder, note), Progress() as progress:
-        origin = record_origin(options.record, options.command_line, options.case)
+        origin = record_origin(request.words, options)
         study = study_in_3d(options, record, progress)
         diagnosis = diagnose_record(record, options.richness, progress)
         progress.step("writing the report")
         document = diagnosis_document(record, remarks, diagnosis, origin)
         written = _write(folder, document)
         if study is not None:
-            part = gap_in_3d(record, diagnosis, study, options.in_3d, folder, progress)
+            part = gap_in_3d(record, diagnosis, study, options.in_3d or (), folder, progress)
             document = {**document, "in_3d": part}
             progress.step("writing the report")
             written = _write(folder, document)
@@ -54,7 +56,7 @@ def diagnose_command(
 
 
 def plan_command(
-    options: argparse.Namespace,
+    request: Request[PlanOptions],
     record: Record,
     remarks: tuple[str, ...],
     folder: pathlib.Path,
@@ -62,7 +64,7 @@ def plan_command(
     """Say what to measure next, before there are data.
 
     Args:
-        options: of the command line.
+        request: the command.
         record: the record.
         remarks: what it lacks.
         folder: a checked folder.
@@ -70,9 +72,10 @@ def plan_command(
     Raises:
         CaseError: the case is faulty.
     """
+    options = request.options
     record, _ = _known(options, record, remarks)
     with at_work(folder, note), Progress() as progress:
-        origin = record_origin(options.record, options.command_line, options.case)
+        origin = record_origin(request.words, options)
         document = plan_record(record, progress, origin)
         written = write_files(
             folder,
@@ -83,7 +86,7 @@ def plan_command(
 
 
 def _known(
-    options: argparse.Namespace, record: Record, remarks: tuple[str, ...]
+    options: RecordOptions, record: Record, remarks: tuple[str, ...]
 ) -> tuple[Record, tuple[str, ...]]:
     """The record with what its case knows, and what it lacks."""
     if options.case is None:

@@ -1,8 +1,7 @@
 """The command `show` with `--out`: a page drawn again."""
 
-import argparse
-
 from study.cli.command_output import Answer, note
+from study.cli.request import Request, ShowOptions
 from study.report.stored_page import page_name, stored_page
 from study.store.earlier_run import make_way_for_page
 from study.store.folder_lock import at_work
@@ -10,10 +9,12 @@ from study.store.output import check_folder, write_files
 from study.store.stored_document import Document, readable
 
 
-def show_command(options: argparse.Namespace, document: Document) -> Answer:
+def show_command(request: Request[ShowOptions], document: Document) -> Answer:
     """Write the page of a stored result again."""
-    page = readable(options.result, document, lambda: stored_page(options.result, document))
-    folder = check_folder(options.out)
+    result = request.options.result
+    page = readable(result, document, lambda: stored_page(result, document))
+    assert request.out is not None, "without it the result is printed"
+    folder = check_folder(request.out)
     with at_work(folder, note):
         written = write_files(
             folder,

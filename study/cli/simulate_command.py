@@ -1,12 +1,12 @@
 """The command `simulate`."""
 
-import argparse
 import dataclasses
 import pathlib
 
 from study.case.anatomy import MeshAnatomy
 from study.case.model import Case
 from study.cli.command_output import Answer, note
+from study.cli.request import Request
 from study.report.page import simulation_report
 from study.report.simulation_pictures import draw_simulation
 from study.report.simulation_results import (
@@ -25,14 +25,16 @@ from study.run.setup import check_simulation, plan_steps, prepare_simulation
 from study.run.simulation import STEP_NAME, Outcome, march_seconds, run_simulation
 from study.store.earlier_run import can_go_on, make_way, set_run_aside
 from study.store.folder_lock import at_work
+from study.store.options import SimulateOptions
 from study.store.output import write_files
 from study.store.provenance import provenance
 from study.store.result_files import SIMULATION_FILE, SIMULATION_PAGE
 from study.store.stored_document import to_json
 
 
-def simulate_command(options: argparse.Namespace, case: Case, folder: pathlib.Path) -> Answer:
+def simulate_command(request: Request[SimulateOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Run blood and wall in 3D, or go on with the run of the folder."""
+    options = request.options
     check_names(case, segment=True)
     check_simulation(case, options.condition, rigid=options.rigid, dt=options.dt)
     schedule = plan_steps(case, options.condition, dt=options.dt, cycles=options.cycles)
@@ -40,7 +42,7 @@ def simulate_command(options: argparse.Namespace, case: Case, folder: pathlib.Pa
         case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
     state = chosen_state(case, options.state)
     with at_work(folder, note), Progress() as progress:
-        origin = provenance(case, options.command_line)
+        origin = provenance(case, request.words, options)
         progress.plan(
             {
                 **planned_steps(case, [state]),

@@ -16,8 +16,8 @@ from study.run.ramp import ramp_part
 from study.run.setup import OUTLET
 from study.run.tuning import ratio_error
 from study.store.document_rows import CALIBRATED, FIXED
+from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
-from study.store.stored_document import FORMAT
 
 Document = dict[str, Any]
 

@@ -20,10 +20,12 @@ from study.case.faults import CaseError
 from study.case.model import Case, read_case
 from study.report.agreement import Agreement, agreement
 from study.run.algorithm import CURVE, PAPER
-from study.run.cohort import Fate, Mode
+from study.run.cohort import Fate
 from study.run.patient import QUADRATIC
 from study.store.document_rows import CALIBRATED, FIXED, ratio_name
-from study.store.stored_document import FORMAT, readable
+from study.store.layouts import FORMAT
+from study.store.options import Mode
+from study.store.stored_document import readable
 
 Document = dict[str, Any]
 

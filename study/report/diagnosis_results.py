@@ -20,6 +20,7 @@ from diagnosis.where import (
     rest_map,
 )
 from study.report.diagnosis_words import sentence, size_of, to_do
+from study.store.layouts import FORMAT
 
 SMALLEST_SHOWN = 1e-4
 """Probability below which a hypothesis is not listed on its own."""
@@ -45,7 +46,7 @@ def diagnosis_document(
     fitted, joint = fitted_gap(diagnosis), joint_map(diagnosis)
     return {
         "kind": "diagnose",
-        "format": "jaxfsi 1",
+        "format": FORMAT,
         "id": record.id,
         "verdict": judgement.verdict,
         "sentence": sentence(diagnosis, joint.p_value),

@@ -9,9 +9,9 @@ from jaxfsi import Mesh
 from jaxfsi.mesh_files import Unit, write_mesh, write_mesh_complete
 from study.case.model import Case
 from study.run.mesh import mesh_part
+from study.store.layouts import FORMAT
 from study.store.meshes import StateMesh
 from study.store.result_files import MESH_PICTURES as PICTURE_FOLDER
-from study.store.stored_document import FORMAT
 
 FOLDER_SUFFIX = "-mesh-complete"
 

@@ -25,7 +25,7 @@ from study.run.patient import Patient, Vessel
 from study.run.pipeline import CaseResult, Run
 from study.run.tuning import Calibration, Tuning
 from study.store.document_rows import CALIBRATED, ratio_name
-from study.store.stored_document import FORMAT
+from study.store.layouts import FORMAT
 
 Document = dict[str, Any]
 

@@ -21,9 +21,9 @@ from study.run.openings import is_segment
 from study.run.setup import Setup
 from study.run.simulation import Outcome
 from study.store.document_rows import ratio_name
+from study.store.layouts import FORMAT
 from study.store.result_files import FIELD_FOLDER
 from study.store.result_files import SIMULATION_PICTURES as PICTURE_FOLDER
-from study.store.stored_document import FORMAT
 
 SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
 _MOST_SAMPLES = 3000

@@ -16,20 +16,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 from jaxfsi.text_files import regular_text
 from lumped.whole_files import write_whole
 from study.case.faults import CaseError
 from study.case.model import read_case
 from study.run.members import Member
+from study.store.options import Mode
 from study.store.provenance import input_files, sha256
 from study.store.result_files import RESULT_FILE, STUDY_FILE
 from study.store.stages import stage_key
 from study.store.stored_document import load_document
-
-Mode = Literal["curve", "3d"]
-MODES: tuple[Mode, ...] = ("curve", "3d")
 
 STATUS_FILE, LOG_FILE = "status.json", "log.txt"
 CORE = "JAXFSI_CORE"

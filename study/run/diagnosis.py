@@ -14,6 +14,8 @@ from study.case.model import read_case
 from study.case.record import record_path
 from study.case.record_tables import R0_SD_LOG
 from study.run.progress import Progress
+from study.store.layouts import FORMAT
+from study.store.options import RecordOptions
 from study.store.provenance import origin
 from study.store.result_files import STUDY_FILE
 from study.store.stored_document import Document, load_document
@@ -64,24 +66,21 @@ def plan_record(record: Record, progress: Progress, provenance: Document) -> Doc
     return plan_document(record, diagnosis, settings, CATALOGUE, provenance)
 
 
-def record_origin(
-    place: pathlib.Path, command: Sequence[str], case: pathlib.Path | None = None
-) -> Document:
+def record_origin(command: Sequence[str], options: RecordOptions) -> Document:
     """What must be known to compute the result of a record again.
 
     Args:
-        place: the record's file or folder.
         command: the command as it was given.
-        case: the case or the finished study that was used with it.
+        options: of the command.
     """
-    file = record_path(place)
+    file, case = record_path(options.record), options.case
     files = [file, *sorted(file.parent.glob("*.csv"))]
     if case is not None:
         files.append(case / STUDY_FILE if case.is_dir() else case)
     if case is not None and case.suffix != ".json" and case.is_file():
         beside = case.parent / f"{case.stem}-results" / STUDY_FILE
         files += [beside] if beside.is_file() else []
-    return origin(files, file.parent, command)
+    return origin(files, file.parent, command, options)
 
 
 def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
@@ -170,7 +169,7 @@ def plan_document(
     table = isolability(settings, effects, noise.pressure_sd)
     return {
         "kind": "plan",
-        "format": "jaxfsi 1",
+        "format": FORMAT,
         "id": record.id,
         "next_measurements": []
         if diagnosis is None

@@ -7,7 +7,6 @@ traces afterwards. Effects at the ostium need no adding: the 3D model has them. 
 output folder, so that the same command goes on where it was ended.
 """
 
-import argparse
 import dataclasses
 import math
 import pathlib
@@ -33,6 +32,7 @@ from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress
 from study.run.run_3d import Bench
 from study.store.folder_lock import at_work
+from study.store.options import DiagnoseOptions
 from study.store.result_files import IN_3D_FOLDER as FOLDER
 
 BEFORE, AFTER = "before", "after"
@@ -41,12 +41,12 @@ Document = dict[str, Any]
 
 
 def study_in_3d(
-    options: argparse.Namespace, record: Record, progress: Progress
+    options: DiagnoseOptions, record: Record, progress: Progress
 ) -> FinishedStudy | None:
     """The finished study that --in-3d asks for; None where it was not asked for.
 
     Args:
-        options: of the command line.
+        options: of the command `diagnose`.
         record: the record, for the names of its conditions.
         progress: told of the mesh.
 

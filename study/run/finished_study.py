@@ -1,21 +1,21 @@
 """A finished study, opened again: its case as its command changed it, its mesh, and its curve."""
 
-import argparse
 import pathlib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from study.case.demo import demo_case_path
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, read_case
-from study.cli.arguments import parse
 from study.run.algorithm import check_study, open_bench, with_curve
 from study.run.progress import Progress
 from study.run.run_3d import Bench
 from study.run.study_options import study_case, study_choice
 from study.store.numerics import decided_by
-from study.store.provenance import input_files, origin
+from study.store.options import StudyOptions, case_path
+from study.store.provenance import inputs_of
 from study.store.stored_document import load_document, readable
+
+_AGAIN = "run jaxfsi study again in the same folder: it computes what is no longer valid"
 
 
 class FinishedStudy(NamedTuple):
@@ -51,8 +51,7 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
         raise CaseError([Fault(place, "", None, "this is no study", "", cure)])
     readable(place, document, lambda: _needed(document))
     options = _options(place, document)
-    path = demo_case_path() if options.demo else options.case
-    case = study_case(read_case(path), options)
+    case = study_case(read_case(case_path(options)), options)
     _check_unchanged(case, document)
     _check_numerics(place, document)
     choice = study_choice(case, options)
@@ -68,33 +67,29 @@ def _needed(document: Mapping[str, Any]) -> None:
     _ = [float(document["ramp"][name]) for name in "ab"], float(document["loop"]["alpha"])
     provenance = document["provenance"]
     _ = {entry["file"]: entry["sha256"] for entry in provenance["inputs"]}
-    if not all(isinstance(word, str) for word in [*provenance["command"]]):
-        raise TypeError
+    if provenance.get("options") is not None:
+        StudyOptions.read(provenance["options"])
 
 
-def _options(place: pathlib.Path, document: Mapping[str, Any]) -> argparse.Namespace:
+def _options(place: pathlib.Path, document: Mapping[str, Any]) -> StudyOptions:
     """Options of the command that made it."""
-    command = document["provenance"]["command"]
-    try:
-        return parse(command[1:])
-    except SystemExit as error:
-        problem = f"its command is not understood any more: {' '.join(command)}"
-        raise CaseError([Fault(place, "", None, problem, "", "run jaxfsi study again")]) from error
+    stored = document["provenance"].get("options")
+    if stored is None:
+        problem = "an earlier version of jaxfsi made it, which did not store its options"
+        raise CaseError([Fault(place, "", None, problem, "", _AGAIN)])
+    return StudyOptions.read(stored)
 
 
 def _check_numerics(place: pathlib.Path, document: Mapping[str, Any]) -> None:
     """Refuse a study whose numbers other code would not give again."""
     if document.get("numerics") != decided_by("study"):
         problem = "its numbers come from another version of the code or of its libraries"
-        cure = "run jaxfsi study again in the same folder: it computes what is no longer valid"
-        raise CaseError([Fault(place, "", None, problem, "", cure)])
+        raise CaseError([Fault(place, "", None, problem, "", _AGAIN)])
 
 
 def _check_unchanged(case: Case, document: Mapping[str, Any]) -> None:
     """Refuse a case that is not the one of the study."""
-    now = {
-        f["file"]: f["sha256"] for f in origin(input_files(case), case.path.parent, ())["inputs"]
-    }
+    now = {f["file"]: f["sha256"] for f in inputs_of(case)}
     then = {f["file"]: f["sha256"] for f in document["provenance"]["inputs"]}
     changed = sorted(name for name in now.keys() | then.keys() if now.get(name) != then.get(name))
     if changed:

@@ -1,6 +1,5 @@
 """The command `study`: its options as choices of a study."""
 
-import argparse
 import dataclasses
 
 from lumped import MMHG
@@ -10,6 +9,7 @@ from study.case.model import Case
 from study.run.algorithm import StudyChoice
 from study.run.ramp import RampChoice
 from study.run.run_3d import RunChoice
+from study.store.options import StudyOptions
 
 QUICK_STEP, QUICK_RATE = 2.0e-3, 150.0 * MMHG
 QUICK_STRESS = "dobutamine"
@@ -17,7 +17,7 @@ QUICK_TOLERANCE = 1.0e-2
 """How far the residual of a step is reduced in a quick study: moves a ratio by 3e-4."""
 
 
-def study_case(case: Case, options: argparse.Namespace) -> Case:
+def study_case(case: Case, options: StudyOptions) -> Case:
     """The case as the options change it.
 
     Raises:
@@ -45,7 +45,7 @@ def study_case(case: Case, options: argparse.Namespace) -> Case:
     return dataclasses.replace(case, conditions=kept)
 
 
-def study_choice(case: Case, options: argparse.Namespace) -> StudyChoice:
+def study_choice(case: Case, options: StudyOptions) -> StudyChoice:
     """How the study is made.
 
     Args:

@@ -15,7 +15,8 @@ from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
 from study.run.patient import Patient, load_patient
 from study.store.document_rows import ratio_name
-from study.store.stored_document import FORMAT, Document
+from study.store.layouts import FORMAT
+from study.store.stored_document import Document
 
 LARGEST_ERROR = 1e-2
 """A nonlinear periodic state with a larger estimated error was not found [-]."""

@@ -87,7 +87,15 @@ def make_way(
         if overwritten:
             place = set_aside(folder, [*shown, *kept], keep=kept)
             if place is not None:
-                tell(f"moved the earlier result of {kind}, of other input or options, to {place}")
+                why = _why(kind, standing, document)
+                tell(f"moved the earlier result of {kind}, {why}, to {place}")
+
+
+def _why(kind: str, standing: Mapping[str, Any], document: Mapping[str, Any]) -> str:
+    """Why a result makes way, in a few words."""
+    if standing and kind == document["kind"] and identity(standing) is None:
+        return "by a version of jaxfsi that did not store its options"
+    return "of other input or options"
 
 
 def make_way_for_page(

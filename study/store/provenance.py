@@ -13,6 +13,7 @@ from typing import Any
 from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
 from study.case.model import Case
 from study.store.numerics import PARTS, installed, version
+from study.store.options import Options
 
 PACKAGES = (
     "jaxfsi", "jax", "jaxlib", "equinox", "diffrax", "optimistix", "lineax", "numpy", "matplotlib",
@@ -21,18 +22,19 @@ PACKAGES = (
 """Packages whose versions can move a number."""
 
 
-def provenance(case: Case, command: Sequence[str]) -> dict[str, Any]:
+def provenance(case: Case, command: Sequence[str], options: Options) -> dict[str, Any]:
     """What must be known to compute a result again.
 
     Args:
         case: the case; its file and all files that it names are hashed.
         command: the command as it was given.
+        options: of the command.
     """
-    return origin(input_files(case), case.path.parent, command)
+    return origin(input_files(case), case.path.parent, command, options)
 
 
 def origin(
-    files: Sequence[pathlib.Path], folder: pathlib.Path, command: Sequence[str]
+    files: Sequence[pathlib.Path], folder: pathlib.Path, command: Sequence[str], options: Options
 ) -> dict[str, Any]:
     """What must be known to compute a result from some files again.
 
@@ -40,10 +42,12 @@ def origin(
         files: the input; all are hashed.
         folder: paths are given relative to it.
         command: the command as it was given.
+        options: of the command.
     """
     return {
         "inputs": [_input(path, folder) for path in files],
         "command": list(command),
+        "options": options.stored(),
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),
         "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
 from study.case.faults import CaseError, Fault
+from study.store.layouts import FORMAT, LAYOUT, layout_of, to_present_layout
 from study.store.result_files import (
     CALIBRATION_FILE,
     COHORT_FILE,
@@ -29,9 +30,6 @@ LARGEST_SIZE = 2**26
 
 _CURE = f"give a {RESULT_FILE} that jaxfsi wrote, or the folder that holds it"
 _AGAIN = "run the command that made it again, or give a copy that was not changed"
-
-FORMAT = "jaxfsi 1"
-"""Name and version of the layout; the version grows when a key changes its meaning."""
 
 _FILES = (
     COHORT_FILE,
@@ -86,7 +84,7 @@ def load_document(path: pathlib.Path) -> Document:
         path: the file, or the folder that holds `result.json`, `mesh.json`, `study.json`, ....
 
     Raises:
-        CaseError: the file cannot be read, or is no document of this layout.
+        CaseError: the file cannot be read, or is no document of this or an older layout.
     """
     file = _file_of(path)
 
@@ -106,8 +104,14 @@ def load_document(path: pathlib.Path) -> Document:
         ) from None
     except Damage as damage:
         raise refusal(f"the document is damaged: {damage}") from None
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        raise refusal(f'no result of this version (its "format" is not "{FORMAT}")')
+    layout = layout_of(document)
+    if layout is None or layout < 1:
+        raise refusal(f'no result of jaxfsi (its "format" is not "{FORMAT}" or an older one)')
+    if layout > LAYOUT:
+        problem = f'a newer version of jaxfsi wrote it (its "format" is "{document["format"]}")'
+        cure = f"update jaxfsi; this version reads results up to {FORMAT!r}"
+        raise CaseError([Fault(file, "", None, problem, "", cure)])
+    to_present_layout(document, layout)
     return document
 
 

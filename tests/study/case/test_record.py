@@ -9,7 +9,7 @@ from diagnosis import diagnose, measured, noise_of, stacked
 from study.case.faults import CaseError
 from study.case.record import read_record, record_files
 from study.run.diagnosis import with_case
-from study.store.stored_document import FORMAT
+from study.store.layouts import FORMAT
 from tests.diagnosis.records import synthetic
 from tests.study.damage import damaged
 

@@ -10,8 +10,9 @@ import pytest
 
 import study.cli.commands
 from study import demo_case_path
-from study.cli.arguments import alpha_range
-from study.store.stored_document import FORMAT, load_document
+from study.cli.arguments import alpha_range, parse
+from study.store.layouts import FORMAT
+from study.store.stored_document import load_document
 
 CASE = """\
 [patient]
@@ -234,7 +235,9 @@ def test_bad_alpha_range_is_refused(case_file, command, text):
 
 def test_alpha_range_runs_in_equal_ratios():
     # powers of ten to round-off
-    np.testing.assert_allclose(alpha_range("0.01:100:5"), [0.01, 0.1, 1.0, 10.0, 100.0], rtol=1e-14)
+    np.testing.assert_allclose(
+        alpha_range("0.01:100:5").values(), [0.01, 0.1, 1.0, 10.0, 100.0], rtol=1e-14
+    )
 
 
 @pytest.mark.parametrize("arguments", [[], ["run"], ["nonsense"], ["run", "a", "--demo"]])
@@ -259,8 +262,8 @@ def test_output_into_a_file_or_the_package_is_refused(case_file, command):
 
 def test_results_of_the_bundled_case_never_lie_beside_it(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    options = type("Options", (), {"out": None, "demo": False})()
-    assert study.cli.commands._folder(options, demo_case_path()) == pathlib.Path("case-results")
+    request = parse(["run", str(demo_case_path())])
+    assert study.cli.commands._folder(request, demo_case_path()) == pathlib.Path("case-results")
 
 
 def fail_with(error):

@@ -30,7 +30,9 @@ from study.run.driven_beat import PHASES, Drive, drive_key, drive_setup, known_d
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress
 from study.run.run_3d import RunChoice
+from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
+from study.store.options import StudyOptions
 from study.store.provenance import input_files, origin
 from tests.diagnosis.records import synthetic
 from tests.study.quick_march import QuickMarch
@@ -152,14 +154,15 @@ def test_a_study_is_opened_again_and_refused_once_its_case_has_changed(tmp_path,
     path = tube.write_case(tmp_path)
     case = read_case(path)
     command = ["jaxfsi", "study", str(path), "--out", str(tmp_path / "out")]
+    options = StudyOptions(case=path)
     document = {
         "kind": "study",
-        "format": "jaxfsi 1",
+        "format": FORMAT,
         "ramp": {"a": 500.0, "b": 1200.0},
         "loop": {"alpha": 0.2},
         "runs": [],
         "numerics": decided_by("study"),
-        "provenance": origin(input_files(case), tmp_path, command),
+        "provenance": origin(input_files(case), tmp_path, command, options),
     }
     (tmp_path / "out").mkdir()
     (tmp_path / "out/study.json").write_text(json.dumps(document))
@@ -170,6 +173,11 @@ def test_a_study_is_opened_again_and_refused_once_its_case_has_changed(tmp_path,
         (tmp_path / "out/study.json").write_text(text)
         with pytest.raises(ValueError, match="another version of the code"):
             finished_study(tmp_path / "out", Progress())
+    del document["provenance"]["options"]
+    (tmp_path / "out/study.json").write_text(json.dumps({**document, "format": "jaxfsi 1"}))
+    with pytest.raises(ValueError, match=r"did not store its options(?s:.*)run jaxfsi study"):
+        finished_study(tmp_path / "out", Progress())
+    document["provenance"]["options"] = options.stored()
     (tmp_path / "out/study.json").write_text(json.dumps(document))
     assert (found.bench.case.surrogate.R0, found.bench.case.surrogate.K) == (500.0, 1200.0)
     tube.write_case(tmp_path, systolic=140.0)

@@ -7,15 +7,24 @@ import sys
 
 import pytest
 
+from study.cli.arguments import parse
 from study.store.earlier_run import clear_run, make_way, make_way_for_page, set_aside
 from study.store.folder_lock import at_work
 from study.store.identity import identity
+from study.store.layouts import FORMAT
 
 
 def document_of(kind="run", command=("run", "case.toml"), sha="a" * 64, **parts):
     inputs = [{"file": "case.toml", "sha256": sha, "bytes": 1}]
-    origin = {"inputs": inputs, "command": ["jaxfsi", *command]}
-    return {"format": "jaxfsi 1", "kind": kind, "provenance": origin, **parts}
+    words = ["jaxfsi", *command]
+    origin = {"inputs": inputs, "command": words, "options": parse(command).options.stored()}
+    return {"format": FORMAT, "kind": kind, "provenance": origin, **parts}
+
+
+def older(document):
+    """The same as version 1 wrote it: with its command line alone."""
+    origin = {k: v for k, v in document["provenance"].items() if k != "options"}
+    return {**document, "format": "jaxfsi 1", "provenance": origin}
 
 
 def stand(folder, document, **files):
@@ -39,16 +48,39 @@ def test_identity_is_input_and_options_and_not_where_results_go():
     assert identity(document_of(command=("run", "elsewhere/case.toml", "--out", "x"))) == one
     assert identity(document_of(command=("run", "case.toml", "--json"))) == one
     assert identity(document_of(command=("run", "case.toml", "--mesh"))) != one
-    assert identity(document_of(command=("calibrate", "case.toml"))) != one
+    assert identity(document_of("calibrate", ("calibrate", "case.toml"))) != one
     assert identity(document_of(sha="b" * 64)) != one
     sweeps = [("sweep", "c.toml", "--alpha", f"0.1:{high}:3") for high in (2, 3)]
-    assert identity(document_of(command=sweeps[0])) != identity(document_of(command=sweeps[1]))
+    assert identity(document_of("sweep", sweeps[0])) != identity(document_of("sweep", sweeps[1]))
 
 
 @pytest.mark.parametrize("damage", [{}, {"provenance": []}, {"provenance": {"inputs": 3}}])
 def test_document_that_does_not_say_what_it_follows_from_has_no_identity(damage):
     assert identity(damage) is None
-    assert identity(document_of(command=("no-such-command",))) is None
+    assert identity({**document_of(), "kind": "no such kind"}) is None
+    assert identity(older(document_of())) is None
+
+
+def test_identity_survives_a_document(tmp_path):
+    for command in (
+        ("study", "c.toml", "--rules", "all", "--quick", "--ramp-rate", "60"),
+        ("sweep", "c.toml", "--alpha", "0.1:10:7"),
+        ("mesh", "c.toml", "--state", "all", "rest", "--format", "vtu,msh"),
+        ("diagnose", "record", "--in-3d", "rest"),
+    ):
+        document = document_of(command[0], command)
+        assert identity(json.loads(json.dumps(document))) == identity(document)
+
+
+def test_result_without_stored_options_is_set_aside_and_the_reason_told(tmp_path):
+    stand(tmp_path, older(document_of()), report__html="old")
+    told = []
+    make_way(tmp_path, document_of(), told.append)
+    assert (tmp_path / "earlier-1/report.html").read_text() == "old"
+    assert told == [
+        "moved the earlier result of run, by a version of jaxfsi that did not store its options,"
+        f" to {tmp_path / 'earlier-1'}"
+    ]
 
 
 def test_own_result_may_be_replaced(tmp_path):
@@ -166,6 +198,7 @@ def test_earlier_results_are_numbered_and_not_nested(tmp_path):
 
 _KILLED_AT_EACH_CALL = """
 import json, os, pathlib, shutil, sys
+from study.cli.arguments import parse
 from study.store.earlier_run import set_aside
 
 NAMES = ["report.html", "result.json", "rest.vtu", "pictures"]

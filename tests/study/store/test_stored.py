@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from study.store.layouts import FORMAT, LAYOUT
 from study.store.stored_document import load_document
 
 STORED = pathlib.Path(__file__).with_name("stored")
@@ -171,8 +172,37 @@ def test_place_of_the_damage_is_said(text, sentence, command, tmp_path):
 
 def test_document_that_is_read_equals_what_was_written(tmp_path):
     for kind in KINDS:
-        (tmp_path / "result.json").write_text(json.dumps(_document(kind)))
-        assert load_document(tmp_path) == _document(kind)
+        (tmp_path / "result.json").write_text(json.dumps({**_document(kind), "format": FORMAT}))
+        assert load_document(tmp_path) == {**_document(kind), "format": FORMAT}
+
+
+def test_runs_of_an_older_study_have_an_id_once_read(tmp_path):
+    runs = [{"folder": f"runs/{name}", "alpha": 0.2} for name in ("curve-rest", "loop1-rest")]
+    document = {"format": "jaxfsi 1", "kind": "study", "runs": runs}
+    document |= {"loop": {"alpha": 0.2}, "shown": ["loop1-rest"]}
+    (tmp_path / "study.json").write_text(json.dumps(document))
+    found = load_document(tmp_path)
+    assert found["format"] == FORMAT
+    assert [run["id"] for run in found["runs"]] == ["curve-rest", "loop1-rest"]
+    assert found["loop"]["run"] == "loop1-rest"
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        (f"jaxfsi {LAYOUT + 1}", "a newer version of jaxfsi wrote it"),
+        ("jaxfsi 0", "no result of jaxfsi"),
+        ("jaxfsi ½", "no result of jaxfsi"),
+        ("other 1", "no result of jaxfsi"),
+        (None, "no result of jaxfsi"),
+    ],
+)
+def test_layout_that_is_not_known_is_refused(name, sentence, command, tmp_path):
+    (tmp_path / "study.json").write_text(json.dumps({"format": name, "kind": "study"}))
+    shown = command("show", tmp_path)
+    assert shown.status == 2
+    assert sentence in shown.stderr
+    assert "try: " in shown.stderr
 
 
 @pytest.mark.parametrize("name", ["result.json", "mesh.json", "sweep.json"])

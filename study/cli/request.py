@@ -1,0 +1,50 @@
+"""A command as it was given: its options, and what holds for every command."""
+
+import dataclasses
+import pathlib
+from typing import Generic, TypeVar
+
+from study.store.options import Options
+
+_Options = TypeVar("_Options", bound=Options, covariant=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Request(Generic[_Options]):
+    """A command as it was given.
+
+    Attributes:
+        command: its name.
+        options: its own options.
+        words: the command line.
+        out: folder for the output; None: the default of the command.
+        json: whether one JSON object is printed, and nothing else.
+    """
+
+    command: str
+    options: _Options
+    words: tuple[str, ...]
+    out: pathlib.Path | None
+    json: bool
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ShowOptions(Options):
+    """Options of `show`.
+
+    Attributes:
+        result: file or folder of a stored result.
+    """
+
+    result: pathlib.Path
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class TemplateOptions(Options):
+    """Options of `template`.
+
+    Attributes:
+        record: whether a record is printed instead of a case.
+    """
+
+    record: bool = False

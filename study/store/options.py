@@ -1,0 +1,285 @@
+"""Options of the commands whose results are stored, one frozen dataclass a command.
+
+A document holds the options that it was made with (`provenance.options`). They say, together with
+the content of its input files, whether two results may take each other's place
+(`study.store.identity`), and a finished study is opened again with them.
+"""
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple, TypeVar
+
+import numpy as np
+
+from study.case.demo import demo_case_path
+
+_INPUT = {"role": "input"}
+"""Of an option that names an input: the content of the file counts, not its name."""
+
+_NO_EFFECT = {"role": "no effect"}
+"""Of an option that changes no number of the result."""
+
+Mode = Literal["curve", "3d"]
+
+_Options = TypeVar("_Options", bound="Options")
+
+
+class AlphaRange(NamedTuple):
+    """Values of α in equal ratios.
+
+    Attributes:
+        low: first value [-].
+        high: last value [-].
+        n: number of values.
+    """
+
+    low: float
+    high: float
+    n: int
+
+    def values(self) -> np.ndarray:
+        """The values [-], shape (n,)."""
+        return np.geomspace(self.low, self.high, self.n)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Options:
+    """Options of a command."""
+
+    @classmethod
+    def of(cls: type[_Options], values: Mapping[str, Any]) -> _Options:
+        """Take the options of a command from values by name; others are left out.
+
+        Raises:
+            KeyError: an option is missing.
+        """
+        return cls(**{f.name: values[f.name] for f in dataclasses.fields(cls)})
+
+    @classmethod
+    def read(cls: type[_Options], stored: Mapping[str, Any]) -> _Options:
+        """Options as a document holds them; those that it does not know have their default.
+
+        Raises:
+            TypeError: an option without a default is missing, or a value is of another kind.
+        """
+        known = {f.name: f for f in dataclasses.fields(cls) if f.name in stored}
+        return cls(**{name: _read(stored[name], f) for name, f in known.items()})
+
+    def stored(self) -> dict[str, Any]:
+        """The options as a document holds them."""
+        return {f.name: _plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
+
+    @classmethod
+    def deciding(cls) -> frozenset[str]:
+        """Names of the options that can change the result, inputs left out."""
+        return frozenset(f.name for f in dataclasses.fields(cls) if not f.metadata.get("role"))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, pathlib.PurePath):
+        return str(value)
+    return list(value) if isinstance(value, list | tuple) else value
+
+
+def _read(value: Any, field: dataclasses.Field[Any]) -> Any:
+    if value is not None and field.metadata == _INPUT:
+        if not isinstance(value, str):
+            raise TypeError(f"{value!r} is not the path of a file")
+        return pathlib.Path(value)
+    return tuple(value) if isinstance(value, list) else value
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CaseOptions(Options):
+    """Options of every command on a case.
+
+    Attributes:
+        case: the case file; None: the bundled one.
+        demo: whether the bundled case is used.
+    """
+
+    case: pathlib.Path | None = dataclasses.field(default=None, metadata=_INPUT)
+    demo: bool = False
+
+
+def case_path(options: CaseOptions) -> pathlib.Path:
+    """The case file that options name."""
+    return demo_case_path() if options.case is None else options.case
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RunOptions(CaseOptions):
+    """Options of `run`.
+
+    Attributes:
+        mesh: whether a coarse mesh is made as well; None: for the bundled case alone.
+    """
+
+    mesh: bool | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CalibrateOptions(CaseOptions):
+    """Options of `calibrate`."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SweepOptions(CaseOptions):
+    """Options of `sweep`.
+
+    Attributes:
+        alpha: values of α.
+        condition: name of the condition.
+        rule: stress rule; None: that of the case.
+    """
+
+    alpha: AlphaRange
+    condition: str = "rest"
+    rule: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "alpha", AlphaRange(*self.alpha))
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MeshOptions(CaseOptions):
+    """Options of `mesh`; None: as the case says.
+
+    Attributes:
+        state: states to mesh, or `all`; None: the first.
+        preset: size of the mesh.
+        elements_across: at least so many over the lumen.
+        wall_layers: layers of the wall.
+        backend: mesher of the volume.
+        unit: of the mesh files.
+        format: kinds of mesh files.
+    """
+
+    state: tuple[str, ...] | None = None
+    preset: str | None = None
+    elements_across: int | None = None
+    wall_layers: int | None = None
+    backend: str | None = None
+    unit: str | None = None
+    format: tuple[str, ...] = ("vtu",)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SimulateOptions(CaseOptions):
+    """Options of `simulate`; None: as the case says.
+
+    Attributes:
+        rigid: whether the wall is left out.
+        condition: name of the condition.
+        state: state of the anatomy; None: the first.
+        preset: size of the mesh.
+        dt: longest step [s].
+        cycles: cycles, or a part of one.
+        alpha: scale of the anomalous outlet [-]; None: as calibrated.
+        restart: whether a run in the folder is left aside.
+    """
+
+    rigid: bool = False
+    condition: str = "rest"
+    state: str | None = None
+    preset: str | None = None
+    dt: float | None = None
+    cycles: float | None = None
+    alpha: float | None = None
+    restart: bool = dataclasses.field(default=False, metadata=_NO_EFFECT)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class StudyOptions(CaseOptions):
+    """Options of `study`; None: as the case says, or the default.
+
+    Attributes:
+        preset: size of the mesh.
+        dt: longest step [s].
+        cycles: cycles of each run.
+        continued: whether stress goes on from the end of rest.
+        rules: stress rules to run.
+        conditions: conditions under stress to run; None: all.
+        nominal: whether every condition is also run with α = 1.
+        sensitivities: conditions whose ratio in 3D is differentiated.
+        paper: whether rest is also run with the α of the linear surrogate.
+        ramp_rate: rate of the ramp [mmHg/s].
+        quick: coarse mesh, long steps, a fast ramp, one stress condition.
+    """
+
+    preset: str | None = None
+    dt: float | None = None
+    cycles: int | None = None
+    continued: bool = False
+    rules: tuple[str, ...] | None = None
+    conditions: tuple[str, ...] | None = None
+    nominal: bool = False
+    sensitivities: tuple[str, ...] | None = None
+    paper: bool | None = None
+    ramp_rate: float | None = None
+    quick: bool = False
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CohortOptions(Options):
+    """Options of `cohort`.
+
+    Attributes:
+        folder: of the cases; None: the bundled ones.
+        demo: whether the bundled cases are used.
+        mode: `curve` in 0D, `3d` the whole algorithm.
+        workers: cases at a time; None: one a core.
+        options: further options of the command of each case.
+    """
+
+    folder: pathlib.Path | None = dataclasses.field(default=None, metadata=_INPUT)
+    demo: bool = False
+    mode: Mode = "curve"
+    workers: int | None = dataclasses.field(default=None, metadata=_NO_EFFECT)
+    options: tuple[str, ...] | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RecordOptions(Options):
+    """Options of every command on a record.
+
+    Attributes:
+        record: folder or file of the record.
+        case: case file or finished study that R0 is taken from.
+    """
+
+    record: pathlib.Path = dataclasses.field(metadata=_INPUT)
+    case: pathlib.Path | None = dataclasses.field(default=None, metadata=_INPUT)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DiagnoseOptions(RecordOptions):
+    """Options of `diagnose`.
+
+    Attributes:
+        richness: no more of the record is used; None: all.
+        in_3d: conditions to run in 3D as well, none for all; None: 0D alone.
+    """
+
+    richness: str | None = None
+    in_3d: tuple[str, ...] | None = None
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PlanOptions(RecordOptions):
+    """Options of `plan-measurement`."""
+
+
+KINDS: dict[str, type[Options]] = {
+    "run": RunOptions,
+    "calibrate": CalibrateOptions,
+    "sweep": SweepOptions,
+    "mesh": MeshOptions,
+    "simulate": SimulateOptions,
+    "study": StudyOptions,
+    "cohort": CohortOptions,
+    "diagnose": DiagnoseOptions,
+    "plan": PlanOptions,
+}
+"""By what a document says under `kind`."""

@@ -134,11 +134,14 @@ def _nozzle_record(R0: float, Q: np.ndarray, drop: np.ndarray) -> Any:
             f"flow {k}", "none", 0, False, STEADY_S, float(high), float(high),
             mean_P_aorta=float(high), mean_P_distal=float(low), mean_Q=float(q),
         )
-        for k, (high, low, q) in enumerate(zip(distal + drop, distal, Q, strict=True))
+        for k, (high, low, q) in enumerate(
+            zip((distal + drop) * MMHG, distal * MMHG, Q, strict=True)
+        )
     )  # fmt: skip
-    record = Record("nozzle", conditions, PRESSURE_SD_MMHG, FLOW_SHARE, None, R0, 0.05, 0.1)
+    noise = PRESSURE_SD_MMHG * MMHG
+    record = Record("nozzle", conditions, noise, FLOW_SHARE, None, R0 * MMHG, 0.05, 0.1 * MMHG)
     arrays = measured(record, "means+flow")
-    error = jnp.asarray(np.hypot(DROP_SHARE * drop, PRESSURE_SD_MMHG))
+    error = jnp.asarray(np.hypot(DROP_SHARE * drop, PRESSURE_SD_MMHG) * MMHG)
     return arrays.__class__(**{**vars(arrays), "scalar_sd": arrays.scalar_sd.at[:, 1].set(error)})
 
 

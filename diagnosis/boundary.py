@@ -9,8 +9,6 @@ the bed, its aorta the inlet pressure, and its traces the sensors:
 | microvasculature, pump, wall (of the bed) | the block behind the anomalous outlet |
 | inlet | the pressure at the ostium |
 | sensor | the traces, afterwards |
-
-Units change here: the circuit counts in mmHg and mL, a block in dyn and cm.
 """
 
 from typing import NamedTuple
@@ -30,7 +28,6 @@ from diagnosis.circuit import (
     sensed,
 )
 from lumped.extended_coronary import ExtendedCoronary
-from lumped.units import MMHG, MMHG_S_PER_ML
 from lumped.waveforms import Sampled, sampled
 
 
@@ -58,22 +55,21 @@ def boundary_of(circuit: Circuit) -> Boundary:
 
     def wave(P: np.ndarray) -> Sampled:
         times = PHASE * float(circuit.period)
-        return sampled(times, np.asarray(P) * MMHG, float(circuit.period), kind="cubic")
+        return sampled(times, np.asarray(P), float(circuit.period), kind="cubic")
 
-    R = MMHG_S_PER_ML
     P_ostium = wave(np.asarray(circuit.P_inlet))
     viscous = float(circuit.wall_time) > 0.0
     bed = ExtendedCoronary(
         P_im=wave(np.asarray(circuit.P_LV)),
         P_source=P_ostium,
-        R_1=circuit.R_1 * R,
-        R_2=circuit.R_2 * autoregulated(circuit) * R,
-        R_3=circuit.R_3 * R,
-        C_a=circuit.C_a / MMHG,
-        C_im=circuit.C_im / MMHG,
-        P_venous=circuit.P_venous * MMHG,
-        G_collateral=circuit.G_collateral / R,
-        G_past=past_muscle(circuit) / R,
+        R_1=circuit.R_1,
+        R_2=circuit.R_2 * autoregulated(circuit),
+        R_3=circuit.R_3,
+        C_a=circuit.C_a,
+        C_im=circuit.C_im,
+        P_venous=circuit.P_venous,
+        G_collateral=circuit.G_collateral,
+        G_past=past_muscle(circuit),
         elastic_share=ELASTIC_SHARE if viscous else 1.0,
         wall_time=circuit.wall_time if viscous else None,
     )
@@ -85,11 +81,11 @@ def traces_of(circuit: Circuit, P_aorta: np.ndarray, P_distal: np.ndarray) -> np
 
     Args:
         circuit: for its sensors.
-        P_aorta: true pressure in the aorta at `circuit.PHASE` [mmHg].
-        P_distal: true pressure behind the ostium there [mmHg].
+        P_aorta: true pressure in the aorta at `circuit.PHASE` [dyn/cm²].
+        P_distal: true pressure behind the ostium there [dyn/cm²].
 
     Returns:
-        Aortic and distal trace, 2 × samples [mmHg].
+        Aortic and distal trace, 2 × samples [dyn/cm²].
     """
     aortic, distal = harmonics(jnp.asarray(np.stack([P_aorta, P_distal])))
     seen = sensed(circuit, Beat(aortic, distal, jnp.zeros_like(aortic)))

@@ -9,9 +9,10 @@ import numpy as np
 
 from diagnosis.circuit import PHASE, Circuit
 from diagnosis.effects import CRUDE_FORM, GUESSED_FORM, Effect
+from lumped.units import MMHG
 
-P_NARROWING = 80.0
-"""Aortic pressure at which dynamic narrowing neither adds nor removes [mmHg]."""
+P_NARROWING = 80.0 * MMHG
+"""Aortic pressure at which dynamic narrowing neither adds nor removes [dyn/cm²]."""
 
 NOTCH, NOTCH_WIDTH = 0.40, 0.03
 """Time and width of the notch of the aortic waveform [beats]."""
@@ -52,7 +53,7 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         id="quadratic_loss", place="ostium", unit="mmHg s2/ml2", sd=6.0, one_sided=True,
         tolerance=GUESSED_FORM, nonlinear=True, ridge=True,
-        change=lambda c, size: c._replace(K=c.K + size),
+        change=lambda c, size: c._replace(K=c.K + size * MMHG),
         equation="ΔP = R0 Q + φ Q|Q|",
         sentence="the narrow ostium loses pressure with the square of the flow",
         settled_by="the pressure drop at two known flows (CFD or flow wire)",
@@ -85,7 +86,7 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         id="inertance", place="ostium", unit="mmHg s2/ml", sd=0.08, one_sided=True,
         two_starts=True,
-        change=lambda c, size: c._replace(L=c.L + size),
+        change=lambda c, size: c._replace(L=c.L + size * MMHG),
         equation="L dQ/dt, L = φ",
         sentence="the inertia of the blood in the proximal vessel matters",
         settled_by="a flow waveform",
@@ -136,7 +137,7 @@ CATALOGUE: tuple[Effect, ...] = (
         id="back_pressure", place="microvasculature", unit="mmHg", sd=10.0, one_sided=True,
         two_starts=True,
         tolerance=GUESSED_FORM,
-        change=lambda c, size: c._replace(P_venous=c.P_venous + size),
+        change=lambda c, size: c._replace(P_venous=c.P_venous + size * MMHG),
         equation="P_venous = φ",
         sentence="flow stops at a pressure above zero",
         settled_by="right atrial or wedge pressure",
@@ -179,7 +180,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="wire_drift", place="sensor", unit="mmHg per condition", sd=2.5,
-        change=lambda c, size: c._replace(distal_offset=c.distal_offset + c.order * size),
+        change=lambda c, size: c._replace(distal_offset=c.distal_offset + c.order * size * MMHG),
         equation="P_distal + k φ, k = order of acquisition",
         sentence="the pressure wire drifts from one measurement to the next",
         settled_by="an equalisation check at the end",
@@ -187,7 +188,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="sensor_height", place="sensor", unit="mmHg", sd=4.0,
-        change=lambda c, size: c._replace(distal_offset=c.distal_offset + size),
+        change=lambda c, size: c._replace(distal_offset=c.distal_offset + size * MMHG),
         equation="P_distal + φ",
         sentence="the wire's sensor lies higher (or lower) than the aorta",
         settled_by="the sensor's height on CT",
@@ -203,7 +204,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="aortic_zero_error", place="sensor", unit="mmHg", sd=4.0,
-        change=lambda c, size: c._replace(aortic_offset=c.aortic_offset + size),
+        change=lambda c, size: c._replace(aortic_offset=c.aortic_offset + size * MMHG),
         equation="P_aorta + φ",
         sentence="the aortic transducer's zero is off",
         settled_by="zeroing again, and an equalisation check",
@@ -229,7 +230,7 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         id="aortic_waveform", place="inlet", unit="mmHg", sd=5.0,
         tolerance=CRUDE_FORM,
-        change=lambda c, size: c._replace(P_inlet=c.P_inlet + size * _NOTCH),
+        change=lambda c, size: c._replace(P_inlet=c.P_inlet + size * MMHG * _NOTCH),
         equation="P_aorta + φ exp(−(t/T − 0.40)²/(2·0.03²))",
         sentence="the aortic pressure has a notch that the assumed waveform lacks",
         settled_by="nothing more: the aortic trace shows it",

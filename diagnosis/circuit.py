@@ -19,9 +19,9 @@ Without the last two terms the system is linear and solved harmonic by harmonic;
 of the nonlinear slope. The derivative is the exact one of what is computed: one more Newton step
 from the frozen solution. Sensors act on harmonics: first-order lag 1/(1 + iωτ), delay exp(−iωt).
 
-Units: mmHg, mL, s throughout this package. Waveforms have `SAMPLES` samples; harmonics are scaled
-so that x(t) = X_0 + Σ Re X_k cos(ω_k t) − Im X_k sin(ω_k t), and `HARMONICS` of them are kept: what
-lies above carries nothing that a sensor could tell from its noise.
+Units are CGS. Waveforms have `SAMPLES` samples; harmonics are scaled so that
+x(t) = X_0 + Σ Re X_k cos(ω_k t) − Im X_k sin(ω_k t). `HARMONICS` of them are kept: those above are
+indistinguishable from the noise of a sensor.
 
 Source: Puelz et al. 2024, section 2.4; harmonic balance: Nakhla & Vlach 1976 (IEEE Trans Circuits
 Syst 23:85). With no effect it is `lumped.Surrogate` solved by `lumped.Fourier`, which a test shows.
@@ -35,6 +35,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from diagnosis.elimination import solve_definite
+from lumped.units import MMHG
 
 SAMPLES = 256
 """Samples of a beat: fine enough for the harmonics kept of the ventricle's steep pressure."""
@@ -58,8 +59,8 @@ ELASTIC_SHARE = 0.5
 """Share e of C_a that yields at once in a viscous wall: muscular arteries are up to twice as stiff
 at the heart's frequency as in rest (Learoyd & Taylor 1966, Circ Res 18:278)."""
 
-P_REGULATED = 70.0
-"""Mean pressure at which autoregulation changes nothing [mmHg]."""
+P_REGULATED = 70.0 * MMHG
+"""Mean pressure at which autoregulation changes nothing [dyn/cm²]."""
 
 Wave = Float[Array, " n"]
 Spectrum = Complex[Array, " f"]
@@ -74,19 +75,19 @@ class Circuit(NamedTuple):
         period: length of the beat [s].
         stress, adenosine, dobutamine: 1 where the condition is one, else 0.
         order: order of acquisition.
-        P_inlet, P_LV: pressures of aorta and ventricle at the samples [mmHg].
+        P_inlet, P_LV: pressures of aorta and ventricle at the samples [dyn/cm²].
         R0, L, K: linear resistance, inertance, quadratic loss of the ostium
-            [mmHg·s/mL, mmHg·s²/mL, mmHg·s²/mL²].
-        K_known: quadratic loss that is known with R0 and narrows with it [mmHg·s²/mL²].
+            [dyn·s/cm⁵, dyn·s²/cm⁵, dyn·s²/cm⁸].
+        K_known: quadratic loss that is known with R0 and narrows with it [dyn·s²/cm⁸].
         R0_wave: factor on R0 and K_known over the beat; ones at first.
-        C0, C_a, C_im: compliances [mL/mmHg].
-        R_1, R_2, R_3: resistances of the bed [mmHg·s/mL].
+        C0, C_a, C_im: compliances [cm⁵/dyn].
+        R_1, R_2, R_3: resistances of the bed [dyn·s/cm⁵].
         wall_time: relaxation time of the part of C_a that yields late [s].
-        P_venous: pressure behind R_3 [mmHg].
-        G_collateral: conductance from the aorta to the node behind R_1 [mL/(s·mmHg)].
+        P_venous: pressure behind R_3 [dyn/cm²].
+        G_collateral: conductance from the aorta to the node behind R_1 [cm⁵/(dyn·s)].
         past: conductance from there past the muscle, over 1/(R_2 + R_3) [-].
         autoregulation: gain of ln R_2 by the mean pressure behind R_1 [-].
-        aortic_offset, distal_offset: added by the sensors [mmHg].
+        aortic_offset, distal_offset: added by the sensors [dyn/cm²].
         distal_gain: factor of the distal sensor [-].
         aortic_lag, distal_delay: of the sensors [s].
         forced: harmonics of what is added at each place of `FORCED`; zero unless the place of a
@@ -133,8 +134,8 @@ class Beat(NamedTuple):
     """What sensors see of one condition, as harmonics.
 
     Attributes:
-        P_aorta, P_distal: measured pressures [mmHg].
-        Q: coronary flow [mL/s].
+        P_aorta, P_distal: measured pressures [dyn/cm²].
+        Q: coronary flow [cm³/s].
     """
 
     P_aorta: Spectrum
@@ -248,14 +249,15 @@ def sensed(circuit: Circuit, true: Beat) -> Beat:
 
 
 def past_muscle(circuit: Circuit) -> Number:
-    """Conductance from the node behind R_1 to P_venous past the muscle [mL/(s·mmHg)]."""
+    """Conductance from the node behind R_1 to P_venous past the muscle [cm⁵/(dyn·s)]."""
     return circuit.past / (circuit.R_2 + circuit.R_3)
 
 
 def autoregulated(circuit: Circuit) -> Number:
-    """Factor on R_2, exp(gain (mean P_2 − 70)/70) with mean P_2 of the direct-current network [-].
+    """Factor on R_2 by autoregulation, exp(gain (mean P_2 − P)/P) with P = `P_REGULATED` [-].
 
-    The quadratic loss of the ostium is left out of the mean: it moves it by a few mmHg.
+    The mean of P_2 is that of the direct-current network without the quadratic loss of the ostium,
+    which changes it by a few mmHg.
     """
     inlet = jnp.mean(circuit.P_inlet)
     R_in = circuit.R0 + circuit.R_1

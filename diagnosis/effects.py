@@ -5,8 +5,8 @@ A new effect takes ten lines and no other change::
     leak = Effect(
         id="leak",
         place="wall",
-        unit="mL/(s·mmHg)",
-        sd=0.002,
+        unit="cm5/(dyn s)",
+        sd=1.5e-6,
         one_sided=True,
         equation="Q = G (P_inlet − P_2)",
         change=lambda c, size: c._replace(G_collateral=c.G_collateral + size),
@@ -55,9 +55,10 @@ class Effect(NamedTuple):
     Attributes:
         id: its name in records and results.
         place: where it acts.
-        unit: unit of its size.
+        unit: unit of its size, a clinical one, since people read sizes.
         sd: root mean square of the size a priori [unit].
-        change: the circuit with this effect at a size; size 0 must change nothing.
+        change: the circuit, which is in CGS, with this effect at a size in its unit; size 0 must
+            change nothing.
         equation: what it adds, in one line.
         sentence: what it means, for people; begins in lower case.
         settled_by: the measurement that would settle it.

@@ -47,9 +47,10 @@ from diagnosis.hypothesis import (
 )
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import Situation, as_data, selection, situations
+from lumped.units import MMHG
 
-AMPLITUDES_MMHG = (0.5, 1.5, 4.0, 10.0)
-"""Prior standard deviations of the forcing [mmHg]."""
+AMPLITUDES = (0.5 * MMHG, 1.5 * MMHG, 4.0 * MMHG, 10.0 * MMHG)
+"""Prior standard deviations of the forcing [dyn/cm²]."""
 
 LENGTHS = (0.03, 0.12)
 """Correlation lengths [beats]."""
@@ -122,7 +123,7 @@ def forcing_evidence(
 
     found = jax.lax.map(at_place, jnp.arange(len(FORCED)))
     found = jnp.where(jnp.isfinite(found), found, -jnp.inf)
-    return found.reshape(len(FORCED), len(ALIKE), len(LENGTHS), len(AMPLITUDES_MMHG))
+    return found.reshape(len(FORCED), len(ALIKE), len(LENGTHS), len(AMPLITUDES))
 
 
 def forcing_mixture(
@@ -147,7 +148,7 @@ def forcing_mixture(
     columns = jnp.concatenate([form, F, J, e[..., None]], axis=-1)
     products = jnp.einsum("cdm,cdl->cml", columns, columns)
     products, form_volume = jax.vmap(lambda one: absorbed(one, form.shape[-1]))(products)
-    scales = [a * smooth_scale(length, HARMONICS) for length in LENGTHS for a in AMPLITUDES_MMHG]
+    scales = [a * smooth_scale(length, HARMONICS) for length in LENGTHS for a in AMPLITUDES]
     ones = np.ones(k + 1)
     table = [(s, np.concatenate([scale, ones])) for s in ALIKE for scale in scales]
     alike, weight = (jnp.asarray(np.array(column)) for column in zip(*table, strict=True))

@@ -63,7 +63,8 @@ class Fitted(NamedTuple):
         residual: whitened residuals by condition.
         sizes: size of every effect of the catalogue [its unit].
         size_sd: posterior standard deviations of the two sizes [their units].
-        waves: what the sensors would show, conditions × 3 sensors × samples [mmHg, mL/s].
+        waves: what the sensors would show, conditions × 3 sensors × samples
+            [dyn/cm², cm³/s].
         sound: whether the result is finite.
     """
 

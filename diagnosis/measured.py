@@ -1,7 +1,7 @@
 """A measured record as arrays: what was measured, how well, and what was known before.
 
 A record holds C conditions. Where both pressures (and flow) were recorded over the beat, waveforms
-are used and means are not: they would count the same trace twice. Units: mmHg, mL/s, s.
+are used and means are not: they would count the same trace twice. Units are CGS.
 
 Noise of a waveform of n samples a beat: half white (share w), half correlated over a few hundredths
 of a beat, and a slow offset of each trace. No record states that length: k(Δ) is the mean of
@@ -30,6 +30,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES
+from lumped.units import MMHG
 
 WHITE_SHARE = 0.5
 """Share of the noise variance that is white."""
@@ -37,8 +38,8 @@ WHITE_SHARE = 0.5
 NOISE_LENGTHS = (0.03, 0.042, 0.06, 0.085, 0.12)
 """Correlation lengths that the rest may have [beats]."""
 
-OFFSET_SD_MMHG = 0.5
-"""Slow offset of each pressure trace [mmHg]."""
+OFFSET_SD = 0.5 * MMHG
+"""Slow offset of each pressure trace [dyn/cm²]."""
 
 SENSORS = ("P_aorta", "P_distal", "Q")
 SCALARS = ("mean_P_aorta", "mean_P_distal", "ffr", "mean_Q")
@@ -48,7 +49,7 @@ class Measured(eqx.Module):
     """One record, or a batch of records with a leading axis.
 
     Attributes:
-        period, P_systolic, P_diastolic: of each condition [s, mmHg].
+        period, P_systolic, P_diastolic: of each condition [s, dyn/cm²].
         stress, adenosine, dobutamine: 1 where the condition is one, else 0.
         order: order of acquisition.
         waves: mean beat of each sensor, in the order of `SENSORS`; no sensors where no waveforms
@@ -59,14 +60,13 @@ class Measured(eqx.Module):
         white_share: of the noise variance [-].
         scalars, scalar_sd: means and ratios in the order of `SCALARS`; sd infinite where absent.
         held_out: 1 where only the aortic pressure may be used.
-        R0, R0_sd_log: prior of the ostium's resistance [mmHg·s/mL] and of its logarithm [-].
-        P_sd: of the recorded systolic and diastolic pressures [mmHg].
-        K, L: quadratic loss and inertance of the ostium that are known with R0 [mmHg·s²/mL²,
-            mmHg·s²/mL]; None where only R0 is.
-        wave_power: variance of the harmonics' real parts over 2 [mmHg², (mL/s)²], the mean first
-        and
-            without the offset; infinite where not measured, NaN where the noise above holds. None
-            where it holds for all.
+        R0, R0_sd_log: prior of the ostium's resistance [dyn·s/cm⁵] and of its logarithm [-].
+        P_sd: of the recorded systolic and diastolic pressures [dyn/cm²].
+        K, L: quadratic loss and inertance of the ostium that are known with R0 [dyn·s²/cm⁸,
+            dyn·s²/cm⁵]; None where only R0 is.
+        wave_power: variance of the harmonics' real parts over 2 [(dyn/cm²)², (cm³/s)²], the mean
+            first and without the offset; infinite where not measured, NaN where the noise above
+            holds. None where it holds for all.
         modes: columns U of what moves the data of a condition together [their unit]; None for none.
     """
 

@@ -23,7 +23,7 @@ from diagnosis.circuit import SAMPLES
 from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import Effect
 from diagnosis.hypothesis import numbers_of
-from diagnosis.measured import OFFSET_SD_MMHG, Measured
+from diagnosis.measured import OFFSET_SD, Measured
 from diagnosis.prediction import n_unknowns
 from diagnosis.scan import Linearised, linearise
 
@@ -180,14 +180,14 @@ def _about_base(record: Measured, effects: tuple[Effect, ...], x: Float[Array, "
 
 
 def isolability(
-    record: Measured, effects: tuple[Effect, ...], sd_mmHg: float
+    record: Measured, effects: tuple[Effect, ...], sd: float
 ) -> dict[str, dict[str, float]]:
     """What sets of sensors could show in the conditions of a record, before they are used.
 
     Args:
         record: the conditions; what was measured is ignored.
         effects: the catalogue.
-        sd_mmHg: noise of pressures.
+        sd: noise of pressures [dyn/cm²].
 
     Returns:
         By set of sensors and effect: expected ln B of a typical size against its nearest rival, "no
@@ -196,7 +196,7 @@ def isolability(
     found = {}
     x = jnp.zeros(n_unknowns(record))
     for name in SENSOR_SETS:
-        inner = traces(_about_base(_with_sensors(record, name, sd_mmHg), effects, x))
+        inner = traces(_about_base(_with_sensors(record, name, sd), effects, x))
         b = np.diag(inner)
         own = 0.5 * ((TYPICAL * b) ** 2 + b) / (1.0 + b) - 0.5 * np.log1p(b)
         other = 0.5 * ((TYPICAL * inner) ** 2 + inner**2 / np.maximum(b[:, None], 1e-12)) / (
@@ -214,11 +214,11 @@ def _with_sensors(record: Measured, sensors: str, sd: float) -> Measured:
     waves = {"waveforms": 2, "waveforms+flow": 2, "flow waveform as well": 3}.get(sensors, 0)
     scalar_sd = np.full((C, 4), np.inf)
     if not waves:
-        scalar_sd[:, :2] = np.hypot(sd, OFFSET_SD_MMHG)
+        scalar_sd[:, :2] = np.hypot(sd, OFFSET_SD)
     if sensors in ("means+flow", "waveforms+flow"):
         scalar_sd[:, 3] = FLOW_ERROR * 1.2
     wave_sd = np.broadcast_to(np.array([sd, sd, FLOW_ERROR * 2.0])[:waves], (C, waves))
-    offset = np.broadcast_to(np.array([OFFSET_SD_MMHG] * 2 + [0.1])[:waves], (C, waves))
+    offset = np.broadcast_to(np.array([OFFSET_SD] * 2 + [0.1])[:waves], (C, waves))
     fields = {
         **vars(record),
         "waves": jnp.zeros((C, waves, SAMPLES)),

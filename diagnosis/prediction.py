@@ -40,8 +40,8 @@ from lumped.surrogate import C0_NOMINAL, NOMINAL
 from lumped.units import MMHG, MMHG_S_PER_ML
 from lumped.waveforms import AorticPressure, VentricularPressure
 
-R0_PRIOR, R0_SD_LOG = 3.75, 0.5
-"""Resistance of the ostium where the record says nothing [mmHg·s/mL], and its log-sd."""
+R0_PRIOR, R0_SD_LOG = 3.75 * MMHG_S_PER_ML, 0.5
+"""Resistance of the ostium where the record says nothing [dyn·s/cm⁵], and its log-sd."""
 
 ALPHA_PRIOR, ALPHA_SD_LOG = 0.25, 1.0
 """Prior of α [-] and of its logarithm."""
@@ -56,8 +56,8 @@ falls from the cavity's inside to nearly none outside: Hoffman & Spaan 1990, Phy
 PAST_SD = 0.15
 """Standard deviation of the share of the bed's conductance that lies past the muscle; assumed."""
 
-P_SD_MMHG = 2.0
-"""Standard deviation of a recorded systolic or diastolic pressure [mmHg]."""
+P_SD = 2.0 * MMHG
+"""Standard deviation of a recorded systolic or diastolic pressure [dyn/cm²]."""
 
 SHARED = ("R0", "alpha", "C_a", "C_im", "C0", "squeeze", "past")
 """Unknowns that all conditions share, in the order of x."""
@@ -71,13 +71,13 @@ class Situation(NamedTuple):
 
     Attributes:
         period: length of the beat [s].
-        P_systolic, P_diastolic: as recorded [mmHg].
+        P_systolic, P_diastolic: as recorded [dyn/cm²].
         stress, adenosine, dobutamine: 1 where the condition is one, else 0.
         order: order of acquisition.
-        R0: prior of the ostium's resistance [mmHg·s/mL].
+        R0: prior of the ostium's resistance [dyn·s/cm⁵].
         R0_sd_log: of its logarithm.
-        P_sd: of the recorded pressures [mmHg].
-        K, L: quadratic loss and inertance that are known with R0 [mmHg·s²/mL², mmHg·s²/mL], or
+        P_sd: of the recorded pressures [dyn/cm²].
+        K, L: quadratic loss and inertance that are known with R0 [dyn·s²/cm⁸, dyn·s²/cm⁵], or
             None.
     """
 
@@ -145,8 +145,7 @@ def base_circuit(case: Situation, own: Float[Array, " 9"]) -> Circuit:
     rule = stress_rule(PRINTED)
 
     def bed(name: str, factor: Array) -> Array:
-        unit = 1.0 / MMHG_S_PER_ML if name.startswith("R") else MMHG
-        return NOMINAL[name] * unit * factor * (1.0 + case.stress * (getattr(rule, name) - 1.0))
+        return NOMINAL[name] * factor * (1.0 + case.stress * (getattr(rule, name) - 1.0))
 
     t = jnp.asarray(PHASE) * case.period
     zero = jnp.zeros(())
@@ -164,7 +163,7 @@ def base_circuit(case: Situation, own: Float[Array, " 9"]) -> Circuit:
         K=zero,
         K_known=zero if case.K is None else case.K * narrower,
         R0_wave=jnp.ones(SAMPLES),
-        C0=C0_NOMINAL * MMHG * loose[2],
+        C0=C0_NOMINAL * loose[2],
         C_a=bed("C_a", loose[0]),
         C_im=bed("C_im", loose[1]),
         R_1=bed("R_1", alpha),
@@ -218,5 +217,5 @@ def as_data(beat: Beat, n_sensors: int) -> Float[Array, " d"]:
 
 
 def as_waves(beat: Beat) -> Float[Array, "3 n"]:
-    """A beat as samples of all three sensors [mmHg, mmHg, mL/s]."""
+    """A beat as samples of all three sensors [dyn/cm², dyn/cm², cm³/s]."""
     return samples(jnp.stack(list(beat)))

@@ -7,7 +7,7 @@ is estimated from their scatter: with d the beats less their mean and less each 
     sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
 
 The mean beat has sd/√b. The slow offset is the scatter of the beats' means, at least
-`OFFSET_SD_MMHG`: what stays the same over all beats cannot be seen in them. Where beats were
+`OFFSET_SD`: what stays the same over all beats cannot be seen in them. Where beats were
 folded, `scatter` says more: the power of every harmonic, and what sensors and harmonics share.
 """
 
@@ -20,20 +20,25 @@ import numpy as np
 
 from diagnosis.circuit import HARMONICS, SAMPLES
 from diagnosis.measured import (
-    OFFSET_SD_MMHG,
+    OFFSET_SD,
     SENSORS,
     WHITE_SHARE,
     Measured,
     noise_correlation,
     noise_power,
 )
-from diagnosis.prediction import P_SD_MMHG, R0_PRIOR, R0_SD_LOG
+from diagnosis.prediction import P_SD, R0_PRIOR, R0_SD_LOG
 from diagnosis.record_checks import check_record
 from diagnosis.richness import RICHNESS
-from diagnosis.scatter import FEWEST_BEATS, FORM_SD_MMHG, FORMS, folded_noise
+from diagnosis.scatter import FEWEST_BEATS, FORM_SD, FORMS, folded_noise
+from lumped.units import MMHG
 
-PRESSURE_SD_MMHG, FLOW_RELATIVE_SD, FFR_SD = 1.0, 0.05, 0.01
-"""Noise where the record neither states it nor has beats to estimate it from."""
+PRESSURE_SD, FLOW_RELATIVE_SD, FFR_SD = 1.0 * MMHG, 0.05, 0.01
+"""Noise of a pressure [dyn/cm²], a flow and a ratio where the record neither states it nor has
+beats to estimate it from."""
+
+LEAST_PRESSURE_SD = 0.05 * MMHG
+"""Least noise of a mean beat that is estimated from the scatter of beats [dyn/cm²]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,11 +64,11 @@ class RecordedCondition:
         order: order of acquisition, from 0.
         held_out: whether only the aortic pressure may be used.
         period: length of the beat [s].
-        P_systolic, P_diastolic: aortic pressures [mmHg].
-        mean_P_aorta, mean_P_distal: cycle means [mmHg], if known.
+        P_systolic, P_diastolic: aortic pressures [dyn/cm²].
+        mean_P_aorta, mean_P_distal: cycle means [dyn/cm²], if known.
         ffr: ratio of the means [-], if known.
-        mean_Q: mean coronary flow [mL/s], if known.
-        beats: recorded beats of each sensor of `SENSORS`, beats × samples [mmHg, mL/s].
+        mean_Q: mean coronary flow [cm³/s], if known.
+        beats: recorded beats of each sensor of `SENSORS`, beats × samples [dyn/cm², cm³/s].
         folding: how the beats were folded; their samples then carry all harmonics that were
             measured. None where sampling divides the beat.
     """
@@ -90,13 +95,13 @@ class Record:
     Attributes:
         id: its name.
         conditions: what was measured, in order of acquisition.
-        pressure_sd: noise of the mean beat a sample [mmHg]; None to estimate it.
-        pressure_offset_sd: slow offset of each pressure trace [mmHg]; None for `OFFSET_SD_MMHG`, or
+        pressure_sd: noise of the mean beat a sample [dyn/cm²]; None to estimate it.
+        pressure_offset_sd: slow offset of each pressure trace [dyn/cm²]; None for `OFFSET_SD`, or
             the scatter of the beats' means where that is larger.
         flow_relative_sd, ffr_sd: noise of flow (relative) and of ratios; None for the default.
-        R0, R0_sd_log: what is known of the ostium's resistance [mmHg·s/mL] and of its logarithm.
+        R0, R0_sd_log: what is known of the ostium's resistance [dyn·s/cm⁵] and of its logarithm.
         K, L: quadratic loss and inertance that are known with R0, as a ramp in 3D gives them
-            [mmHg·s²/mL², mmHg·s²/mL]; None where only R0 is. K shares the log-sd of R0.
+            [dyn·s²/cm⁸, dyn·s²/cm⁵]; None where only R0 is. K shares the log-sd of R0.
     """
 
     id: str
@@ -116,9 +121,9 @@ class Noise:
     """Noise of a record's traces.
 
     Attributes:
-        pressure_sd: of the mean beat a sample [mmHg].
+        pressure_sd: of the mean beat a sample [dyn/cm²].
         white_share: of its variance.
-        offset_sd: of the slow offset of a trace [mmHg].
+        offset_sd: of the slow offset of a trace [dyn/cm²].
         origin: "stated", "estimated" or "assumed".
     """
 
@@ -131,7 +136,7 @@ class Noise:
 def noise_of(record: Record) -> Noise:
     """Noise of the pressures, stated, estimated from the scatter of beats, or assumed."""
     stated = record.pressure_offset_sd
-    known = OFFSET_SD_MMHG if stated is None else stated
+    known = OFFSET_SD if stated is None else stated
     if record.pressure_sd is not None:
         return Noise(record.pressure_sd, WHITE_SHARE, known, "stated")
     stacks = [
@@ -141,7 +146,7 @@ def noise_of(record: Record) -> Noise:
         if name != "Q" and beats.shape[0] >= FEWEST_BEATS
     ]
     if not stacks:
-        return Noise(PRESSURE_SD_MMHG, WHITE_SHARE, known, "assumed")
+        return Noise(PRESSURE_SD, WHITE_SHARE, known, "assumed")
     own = [beats - beats.mean(axis=0) for beats in stacks]
     scatter = [d.mean(axis=1) for d in own]
     rest = [d - d.mean(axis=1, keepdims=True) for d in own]
@@ -153,7 +158,7 @@ def noise_of(record: Record) -> Noise:
     smooth = np.clip(lagged / (max(variance, 1e-12) * alike), 0.0, 0.95)
     count = np.mean([d.shape[0] for d in rest])
     offset = np.sqrt(np.mean([m.var(ddof=1) / m.size for m in scatter]))
-    sd = max(float(np.sqrt(variance / count)), 0.05)
+    sd = max(float(np.sqrt(variance / count)), LEAST_PRESSURE_SD)
     slow = max(float(offset), known) if stated is None else stated
     return Noise(sd, float(1.0 - smooth), slow, "estimated")
 
@@ -229,7 +234,7 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         held_out=column("held_out"),
         R0=jnp.asarray(float(record.R0)),
         R0_sd_log=jnp.asarray(float(record.R0_sd_log)),
-        P_sd=jnp.asarray(P_SD_MMHG),
+        P_sd=jnp.asarray(P_SD),
         K=None if record.K is None else jnp.asarray(float(record.K)),
         L=None if record.L is None else jnp.asarray(float(record.L)),
         wave_power=None if power is None else jnp.asarray(power),
@@ -288,7 +293,7 @@ def _folded(
             {name: condition.beats[name] for name in names},
             dict(zip(names, waves[c, present], strict=True)),
             parametric,
-            np.asarray(noise_power(FORM_SD_MMHG, count[c, present[0]], WHITE_SHARE)),
+            np.asarray(noise_power(FORM_SD, count[c, present[0]], WHITE_SHARE)),
             condition.folding.start_sd,
             estimate=noise.origin == "estimated",
         )

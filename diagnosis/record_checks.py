@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lumped.units import MMHG
+
 if TYPE_CHECKING:
     from diagnosis.record import Record, RecordedCondition
 
@@ -38,9 +40,16 @@ def _record_faults(record: "Record") -> Iterator[str]:
 def _condition_faults(condition: "RecordedCondition") -> Iterator[str]:
     for name in ("period", "P_systolic", "P_diastolic", "mean_P_aorta", "mean_P_distal", "ffr"):
         yield from _not_positive(name, getattr(condition, name))
-    if condition.P_systolic < condition.P_diastolic:  # equal: steady flow
+    high, low = condition.P_systolic, condition.P_diastolic
+    if high < low:  # equal: steady flow
         yield (
-            f"P_systolic = {condition.P_systolic} lies below P_diastolic = {condition.P_diastolic}"
+            f"P_systolic = {high:.6g} dyn/cm² ({high / MMHG:.4g} mmHg) lies below "
+            f"P_diastolic = {low:.6g} dyn/cm² ({low / MMHG:.4g} mmHg)"
+        )
+    elif 0.0 < high < MMHG:
+        yield (
+            f"P_systolic = {high:.6g} dyn/cm² is {high / MMHG:.2g} mmHg; pressures are in dyn/cm²: "
+            "multiply those in mmHg by lumped.MMHG"
         )
     if condition.mean_Q is not None and not math.isfinite(condition.mean_Q):
         yield f"mean_Q = {condition.mean_Q} is not finite"

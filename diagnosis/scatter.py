@@ -4,7 +4,7 @@ With r_k the coefficients of all sensors of beat k less their mean, and b of the
 
     r_k = B a_k + noise,   a_k ~ N(0, Σ),   noise ~ N(0, D),     mean beat: D/b + B Σ Bᵀ/b,
 
-and what folding itself may leave (`FORM_SHARE`, `FORM_SD_MMHG`) besides.
+and what folding itself may leave (`FORM_SHARE`, `FORM_SD`) besides.
 
 B holds for every sensor what hearts change from beat to beat: level, pulse, and time (all of the
 beat, and its parts against each other as errors of the folding leave them: derivative times 1, cos,
@@ -25,12 +25,13 @@ from typing import NamedTuple
 import numpy as np
 
 from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES, TO_SAMPLES
+from lumped.units import MMHG
 
 USUAL_WEIGHT = 6.0
 """ν₀: beats that the usual scatter counts for."""
 
-USUAL_LEVEL_MMHG, USUAL_LEVEL_SHARE = 0.3, 0.01
-"""Usual scatter of a beat's level: of a pressure, and of a flow over its mean."""
+USUAL_LEVEL, USUAL_LEVEL_SHARE = 0.3 * MMHG, 0.01
+"""Usual scatter of a beat's level: of a pressure [dyn/cm²], and of a flow over its mean."""
 
 USUAL_PULSE, USUAL_TIME = 0.005, 0.003
 """Usual scatter of a beat's pulse over the mean one, and of its times [beats]."""
@@ -47,8 +48,9 @@ FEWEST_BEATS = 3
 FORM_SHARE = 0.1
 """Share of the usual variances that no number of beats takes away: errors of the folding itself."""
 
-FORM_SD_MMHG = 0.1
-"""What else folding may leave in the mean beat of a pressure, as noise of its samples; assumed."""
+FORM_SD = 0.1 * MMHG
+"""What else folding may leave in the mean beat of a pressure, as noise of its samples [dyn/cm²];
+assumed."""
 
 SWEEPS = 40
 """Steps of expectation and maximisation."""
@@ -94,7 +96,7 @@ def usual(names: Sequence[str], means: Sequence[float]) -> np.ndarray:
     S = len(names)
     found = np.zeros((S, FORMS, S, FORMS))
     for s, name in enumerate(names):
-        level = USUAL_LEVEL_SHARE * abs(means[s]) if name == "Q" else USUAL_LEVEL_MMHG
+        level = USUAL_LEVEL_SHARE * abs(means[s]) if name == "Q" else USUAL_LEVEL
         found[s, 0, s, 0] = level**2
         found[s, 1, s, 1] = USUAL_PULSE**2
         for form in (2, 3, 4):

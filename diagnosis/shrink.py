@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diagnosis.diagnose import Diagnosis
+from diagnosis.measured import OFFSET_SD
 from diagnosis.verdict import key_of
 
 
@@ -38,7 +39,7 @@ class HeldOut(NamedTuple):
 
     Attributes:
         condition: its position in the record.
-        P_distal_rms: of the distal pressure [mmHg]; None where no trace was recorded.
+        P_distal_rms: of the distal pressure [dyn/cm²]; None where no trace was recorded.
         ffr_error: predicted less measured ratio, absolute [-]; None where none was recorded.
     """
 
@@ -75,7 +76,7 @@ def held_out_gap(diagnosis: Diagnosis) -> list[HeldOut]:
     for c in np.flatnonzero(np.asarray(record.held_out) > 0.0):
         c = int(c)
         rms = ratio = None
-        offset = 0.5
+        offset = OFFSET_SD
         if record.n_sensors > 1 and np.isfinite(float(record.wave_sd[c, 1])):
             trace, sd = np.asarray(record.waves[c, 1]), float(record.wave_sd[c, 1])
             offset = float(record.wave_offset_sd[c, 1])

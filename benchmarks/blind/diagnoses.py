@@ -12,6 +12,7 @@ from benchmarks.blind.sparse import strongest_term
 from diagnosis import Diagnosis, Record, diagnose, measured, stacked
 from diagnosis.prediction import n_unknowns
 from diagnosis.shrink import expected_waves
+from lumped import MMHG
 from study.case.faults import CaseError
 from study.case.record import read_record
 from study.store.cache_folder import use_cache
@@ -73,7 +74,7 @@ def row_of(d: Diagnosis) -> dict[str, Any]:
     best = min(bic, key=lambda name: bic[name])
 
     def wave(waves: Any) -> list[float]:
-        return [round(float(v), 4) for v in np.asarray(waves)[-1, 1]]
+        return [round(float(v) / MMHG, 4) for v in np.asarray(waves)[-1, 1]]
 
     return {
         "verdict": j.verdict,

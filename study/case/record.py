@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import diagnosis
-from lumped.units import ML_PER_MIN
+from lumped.units import ML_PER_MIN, MMHG
 from study.case.combinations import check_recorded
 from study.case.faults import CaseError
 from study.case.record_beats import read_beats
@@ -20,6 +20,13 @@ from study.case.toml_file import read_document
 
 MEAN_SLIP = 0.15
 """Relative difference between a stated mean and that of the trace beyond which one is wrong."""
+
+
+_CLINICAL = (
+    "P_systolic", "P_diastolic", "mean_P_aorta", "mean_P_distal", "pressure_sd",
+    "pressure_offset_sd", "R0", "K", "L",
+)  # fmt: skip
+"""Values that are read in mmHg, mL and s."""
 
 
 def record_path(path: pathlib.Path) -> pathlib.Path:
@@ -37,7 +44,7 @@ def read_record(
         needs_data: whether a record without any measurement is refused.
 
     Returns:
-        The record in mmHg, mL, s; and remarks about what it lacks, in sentences.
+        The record, and remarks about what it lacks, in sentences.
 
     Raises:
         CaseError: the record holds faults; all of them are listed.
@@ -49,7 +56,7 @@ def read_record(
     found = [_condition(entry, context) for entry in values["condition"]]
     if context.faults:  # before `diagnosis` is used, which takes seconds to import
         raise CaseError(context.faults)
-    conditions = [diagnosis.RecordedCondition(**parts) for parts in found if parts is not None]
+    conditions = [diagnosis.RecordedCondition(**_in_cgs(parts)) for parts in found if parts]
     if needs_data and not any(_has_data(c) for c in conditions if not c.held_out):
         cure = "give ffr, mean pressures or a file with waveforms for at least one condition"
         context.add("condition", None, "no condition holds anything to compare with", cure)
@@ -58,10 +65,23 @@ def read_record(
     record = diagnosis.Record(
         id=values["id"],
         conditions=tuple(conditions),
-        **noise,
-        **values["prior"],
+        **_in_cgs(noise),
+        **_in_cgs(values["prior"]),
     )
     return record, (*_remarks(record), *_spelling(document))
+
+
+def _in_cgs(parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Parts of a record with their pressures, resistances and losses in CGS, read in mmHg."""
+    found = dict(parts)
+    for name in _CLINICAL:
+        if found.get(name) is not None:
+            found[name] *= MMHG
+    if "beats" in found:
+        found["beats"] = {
+            name: wave if name == "Q" else wave * MMHG for name, wave in found["beats"].items()
+        }
+    return found
 
 
 def _spelling(document: dict[str, Any]) -> tuple[str, ...]:
@@ -148,27 +168,27 @@ def record_files(record: "diagnosis.Record") -> dict[str, str]:
     files: dict[str, str] = {}
     lines = ["[patient]", f'id = "{record.id}"']
     stated = {
-        "pressure_sd_mmHg": record.pressure_sd,
-        "pressure_offset_sd_mmHg": record.pressure_offset_sd,
+        "pressure_sd_mmHg": _clinical(record.pressure_sd),
+        "pressure_offset_sd_mmHg": _clinical(record.pressure_offset_sd),
         "flow_relative_sd": record.flow_relative_sd,
         "ffr_sd": record.ffr_sd,
     }
     if any(value is not None for value in stated.values()):
         lines += ["", "[noise]"]
         lines += [f"{key} = {value:.10g}" for key, value in stated.items() if value is not None]
-    prior = f"{{ value = {record.R0:.10g}, sd_log = {record.R0_sd_log:.10g} }}"
+    prior = f"{{ value = {record.R0 / MMHG:.10g}, sd_log = {record.R0_sd_log:.10g} }}"
     lines += ["", "[surrogate]", f"R0_mmHg_s_per_ml = {prior}"]
-    rest = {"K_mmHg_s2_per_ml2": record.K, "L_mmHg_s2_per_ml": record.L}
+    rest = {"K_mmHg_s2_per_ml2": _clinical(record.K), "L_mmHg_s2_per_ml": _clinical(record.L)}
     lines += [f"{key} = {value:.10g}" for key, value in rest.items() if value is not None]
     for c in record.conditions:
         lines += ["", f"[condition.{c.name}]", f'drug = "{c.drug}"']
         lines += [f"order = {c.order}", f"held_out = {str(c.held_out).lower()}"]
         numbers = {
             "period_s": c.period,
-            "P_systolic_mmHg": c.P_systolic,
-            "P_diastolic_mmHg": c.P_diastolic,
-            "mean_P_aorta_mmHg": c.mean_P_aorta,
-            "mean_P_distal_mmHg": c.mean_P_distal,
+            "P_systolic_mmHg": _clinical(c.P_systolic),
+            "P_diastolic_mmHg": _clinical(c.P_diastolic),
+            "mean_P_aorta_mmHg": _clinical(c.mean_P_aorta),
+            "mean_P_distal_mmHg": _clinical(c.mean_P_distal),
             "ffr": c.ffr,
             "mean_flow_ml_per_min": None if c.mean_Q is None else c.mean_Q / ML_PER_MIN,
         }
@@ -179,9 +199,13 @@ def record_files(record: "diagnosis.Record") -> dict[str, str]:
     return {**files, RECORD_FILE: "\n".join(lines) + "\n"}
 
 
+def _clinical(value: float | None) -> float | None:
+    return None if value is None else value / MMHG
+
+
 def _csv(c: "diagnosis.RecordedCondition") -> str:
     names = {"P_aorta": "P_aorta_mmHg", "P_distal": "P_distal_mmHg", "Q": "Q_coronary_ml_per_min"}
-    columns = {names[n]: b * (1.0 / ML_PER_MIN if n == "Q" else 1.0) for n, b in c.beats.items()}
+    columns = {names[n]: b / (ML_PER_MIN if n == "Q" else MMHG) for n, b in c.beats.items()}
     count, n = next(iter(columns.values())).shape
     t = np.arange(count * n) / n * c.period
     rows = np.stack([t, *(wave.reshape(-1) for wave in columns.values())], axis=1)

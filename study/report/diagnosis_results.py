@@ -19,6 +19,7 @@ from diagnosis.where import (
     place_probabilities,
     rest_map,
 )
+from lumped import MMHG
 from study.report.diagnosis_words import sentence, size_of, to_do
 from study.store.layouts import FORMAT
 
@@ -67,8 +68,8 @@ def diagnosis_document(
             "held_out": [
                 {
                     "condition": names[h.condition],
-                    "P_distal_rms_mmHg": _shrink(h.P_distal_rms),
-                    "ffr_error": _shrink(h.ffr_error),
+                    "P_distal_rms_mmHg": _shrink(h.P_distal_rms, MMHG),
+                    "ffr_error": _shrink(h.ffr_error, 1.0),
                 }
                 for h in held_out_gap(diagnosis)
             ],
@@ -79,8 +80,8 @@ def diagnosis_document(
             for option in next_measurements(diagnosis)
         ],
         "noise": {
-            "pressure_sd_mmHg": noise.pressure_sd,
-            "offset_sd_mmHg": noise.offset_sd,
+            "pressure_sd_mmHg": noise.pressure_sd / MMHG,
+            "offset_sd_mmHg": noise.offset_sd / MMHG,
             "white_share": noise.white_share,
             "origin": noise.origin,
         },
@@ -138,12 +139,14 @@ def _blocks(found: Map, names: list[str]) -> list[Document]:
     ]
 
 
-def _shrink(value: Shrink | None) -> Document | None:
-    return None if value is None else value._asdict()
+def _shrink(value: Shrink | None, unit: float) -> Document | None:
+    if value is None:
+        return None
+    return {name: part / unit for name, part in value._asdict().items()}
 
 
 def _waveforms(record: Record, diagnosis: Diagnosis) -> list[Document]:
-    """Traces of each condition: measured, base model, and what the diagnosis expects."""
+    """Traces of each condition [mmHg, mL/s]: measured, base model, after the diagnosis."""
     expected = expected_waves(diagnosis)
     found = []
     for c, condition in enumerate(record.conditions):
@@ -152,10 +155,11 @@ def _waveforms(record: Record, diagnosis: Diagnosis) -> list[Document]:
             has = s < diagnosis.record.n_sensors and np.isfinite(
                 float(diagnosis.record.wave_sd[c, s])
             )
+            unit = 1.0 if name == "Q" else MMHG
             traces[name] = {
-                "measured": _rounded(diagnosis.record.waves[c, s]) if has else None,
-                "before": _rounded(np.asarray(diagnosis.base.waves)[c, s]),
-                "after": _rounded(expected[c, s]),
+                "measured": _rounded(diagnosis.record.waves[c, s] / unit) if has else None,
+                "before": _rounded(np.asarray(diagnosis.base.waves)[c, s] / unit),
+                "after": _rounded(expected[c, s] / unit),
             }
         found.append(
             {

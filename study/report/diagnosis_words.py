@@ -7,6 +7,7 @@ from diagnosis.next_measurement import next_measurements
 from diagnosis.shrink import held_out_gap
 from diagnosis.verdict import NO_GAP
 from diagnosis.where import forcing_shares
+from lumped import MMHG
 from study.report.number_formats import with_sd
 
 LISTED, MOST_LISTED = 0.05, 5
@@ -164,7 +165,7 @@ def _held_out(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
     for h in held_out_gap(diagnosis):
         if h.P_distal_rms is None:
             continue
-        before, after, floor = h.P_distal_rms
+        before, after, floor = (rms / MMHG for rms in h.P_distal_rms)
         better = "shrinks" if after < before else "does not shrink"
         steps.append(
             f"Checked on {_plain(conditions[h.condition])}, which took no part in the fit: the "

@@ -8,7 +8,7 @@ from typing import Any
 
 from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of, stacked
 from diagnosis.next_measurement import isolability, next_measurements
-from lumped.units import MMHG_S_PER_ML
+from lumped.units import MMHG
 from study.case.faults import CaseError, Fault
 from study.case.model import read_case
 from study.case.record import record_path
@@ -98,7 +98,7 @@ def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
         return _with_ramp(record, place)
     case = read_case(place)
     if case.surrogate.R0 is not None:
-        R0 = float(case.surrogate.R0) / MMHG_S_PER_ML
+        R0 = float(case.surrogate.R0)
         how = f"was taken from {case.path.name}"
         return _changed(record, R0, how, case.surrogate.R0_sd_log or R0_SD_LOG)
     beside = case.path.parent / f"{case.path.stem}-results"
@@ -121,12 +121,13 @@ def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
     if document.get("kind") != "study" or not isinstance(ramp, dict):
         cure = "give a case file, or the folder of a finished jaxfsi study"
         raise CaseError([Fault(place, "ramp", None, "no study with a ramp", "", cure)])
-    a, b, tangent = (float(ramp[k]) / MMHG_S_PER_ML for k in ("a", "b", "tangent_40_mmHg"))
+    a, b, tangent = (float(ramp[k]) for k in ("a", "b", "tangent_40_mmHg"))
     if a > 0.0 and b > 0.0:
-        L = max(float(ramp["inertance"]) / MMHG_S_PER_ML, 0.0)
+        L = max(float(ramp["inertance"]), 0.0)
         known = dataclasses.replace(record, R0=a, R0_sd_log=R0_SD_LOG, K=b, L=L)
         return known, (
-            f"R0 = {a:.3g} mmHg s/ml, K = {b:.3g} mmHg s2/ml2 and L = {L:.3g} mmHg s2/ml are the "
+            f"R0 = {a / MMHG:.3g} mmHg s/ml, K = {b / MMHG:.3g} mmHg s2/ml2 and "
+            f"L = {L / MMHG:.3g} mmHg s2/ml are the "
             f"curve of the ramp in {place.name}."
         )
     drop = _drop_at_rest(record)
@@ -137,13 +138,13 @@ def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
         )  # fmt: skip
     R0 = 0.5 * (a + math.sqrt(a**2 + 4.0 * b * drop))
     return _changed(
-        record, R0, f"is the secant at {drop:.3g} mmHg, the measured drop at rest, of the ramp in "
-        f"{place.name} (its tangent at 40 mmHg: {tangent:.3g})"
+        record, R0, f"is the secant at {drop / MMHG:.3g} mmHg, the measured drop at rest, of the "
+        f"ramp in {place.name} (its tangent at 40 mmHg: {tangent / MMHG:.3g})"
     )  # fmt: skip
 
 
 def _drop_at_rest(record: Record) -> float | None:
-    """Mean pressure drop at rest [mmHg]; None where the record does not tell."""
+    """Mean pressure drop at rest [dyn/cm²]; None where the record does not tell."""
     for c in record.conditions:
         if c.drug != "none" or c.held_out:
             continue
@@ -158,7 +159,7 @@ def _drop_at_rest(record: Record) -> float | None:
 
 def _changed(record: Record, R0: float, how: str, sd_log: float = R0_SD_LOG) -> tuple[Record, str]:
     changed = dataclasses.replace(record, R0=R0, R0_sd_log=sd_log)
-    return changed, f"R0 = {R0:.3g} mmHg s/ml {how}."
+    return changed, f"R0 = {R0 / MMHG:.3g} mmHg s/ml {how}."
 
 
 def plan_document(
@@ -184,6 +185,6 @@ def plan_document(
             }
             for name, row in table.items()
         },
-        "noise_sd_mmHg": noise.pressure_sd,
+        "noise_sd_mmHg": noise.pressure_sd / MMHG,
         "provenance": provenance,
     }

@@ -143,8 +143,8 @@ def entry_of(case: Case, condition: RecordedCondition) -> Condition:
     return Condition(
         name=condition.name,
         kind="rest" if condition.drug == "none" else "stress",
-        P_systolic=condition.P_systolic * MMHG,
-        P_diastolic=condition.P_diastolic * MMHG,
+        P_systolic=condition.P_systolic,
+        P_diastolic=condition.P_diastolic,
         period=condition.period,
         cardiac_output=None if known is None else known.cardiac_output,
         stroke_volume=None if known is None else known.stroke_volume,
@@ -168,18 +168,18 @@ def _compared(
     circuits: dict[str, Circuit],
     beats: dict[str, Beat],
 ) -> Document:
-    """Gaps of one condition: surrogate and 3D, before and after."""
+    """Gaps of one condition [mmHg]: surrogate and 3D, before and after."""
     record = diagnosis.record
     fits = {BEFORE: diagnosis.base, AFTER: diagnosis.best}
     waves = {
-        "surrogate": {label: np.asarray(fits[label].waves)[k, :2] for label in beats},
+        "surrogate": {label: np.asarray(fits[label].waves)[k, :2] / MMHG for label in beats},
         "in_3d": {
-            label: traces_of(circuits[label], beat.P_ostium, beat.P_distal)
+            label: traces_of(circuits[label], beat.P_ostium * MMHG, beat.P_distal * MMHG) / MMHG
             for label, beat in beats.items()
         },
     }
     has_trace = record.n_sensors > 1 and np.isfinite(float(record.wave_sd[k, 1]))
-    trace = np.asarray(record.waves[k, 1]) if has_trace else None
+    trace = np.asarray(record.waves[k, 1]) / MMHG if has_trace else None
     ratio = measured_ratio(diagnosis, k)
 
     def rms(wave: np.ndarray) -> float | None:
@@ -190,8 +190,8 @@ def _compared(
 
     floor = None
     if has_trace:
-        floor = math.hypot(float(record.wave_sd[k, 1]), float(record.wave_offset_sd[k, 1]))
-    target = np.asarray(circuits[BEFORE].P_inlet)
+        floor = math.hypot(float(record.wave_sd[k, 1]), float(record.wave_offset_sd[k, 1])) / MMHG
+    target = np.asarray(circuits[BEFORE].P_inlet) / MMHG
     return {
         "condition": condition.name,
         "held_out": condition.held_out,

@@ -12,6 +12,7 @@ from diagnosis import CATALOGUE, Record, RecordedCondition, measured
 from diagnosis.circuit import SAMPLES
 from diagnosis.measured import correlation
 from diagnosis.prediction import Situation, as_waves, n_unknowns, predict, selection, situations
+from lumped import MMHG
 from study.case.folding import Folded, fold
 
 STEP = 2
@@ -21,16 +22,17 @@ SETTINGS = (
     ("dobutamine", "dobutamine", 0.45, 130.0, 70.0),
     ("dobutamine_high", "dobutamine", 0.4, 140.0, 74.0),
 )
+R0 = 3.75 * MMHG
 NAMES = tuple(effect.id for effect in CATALOGUE)
 
 
 def settings() -> Record:
     """Four conditions, the last held out, with nothing measured but ratios."""
     conditions = tuple(
-        RecordedCondition(name, drug, k, k == 3, T, high, low, ffr=0.9)
+        RecordedCondition(name, drug, k, k == 3, T, high * MMHG, low * MMHG, ffr=0.9)
         for k, (name, drug, T, high, low) in enumerate(SETTINGS)
     )
-    return Record("test", conditions, 0.5, 0.05, 0.01, 3.75, 0.15)
+    return Record("test", conditions, 0.5 * MMHG, 0.05, 0.01, R0, 0.15)
 
 
 @jax.jit
@@ -48,7 +50,7 @@ def noise(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 
 
 def beats_of_model(rng: np.random.Generator, sizes: dict[str, float]) -> np.ndarray:
-    """Traces of the model with effects of some size: conditions × sensors × `SAMPLES`."""
+    """Traces of the model with effects of some size: conditions × sensors × `SAMPLES`, in CGS."""
     blank = measured(settings())
     x = 0.5 * rng.standard_normal(n_unknowns(blank))
     own = jnp.asarray(selection(4, 0) @ x)
@@ -65,13 +67,16 @@ def clocked(
     offset: float = 0.3,
     read: Callable[..., Folded] = fold,
 ) -> tuple[Record, np.ndarray]:
-    """A record of the model as a clock samples it and `study` folds it, and the traces in it."""
+    """A record of the model as a clock samples it and `study` folds it, and the traces in it.
+
+    Noise `sd` and `offset` are in mmHg.
+    """
     rng = np.random.default_rng(seed)
     plain = settings()
     waves = beats_of_model(rng, sizes)
     conditions = []
     for c, condition in enumerate(plain.conditions):
-        pressures = {"P_aorta": waves[c, 0], "P_distal": waves[c, 1]}
+        pressures = {"P_aorta": waves[c, 0] / MMHG, "P_distal": waves[c, 1] / MMHG}
         t, traces = recording(rng, pressures, condition.period, sd, clock)
         traces = {n: wave + offset * rng.standard_normal() for n, wave in traces.items()}
         folded = read(t, traces, condition.period, 16)
@@ -81,7 +86,7 @@ def clocked(
                 ffr=None,
                 period=folded.period,
                 mean_Q=float(waves[c, 2].mean()),
-                beats=folded.beats,
+                beats={name: beats * MMHG for name, beats in folded.beats.items()},
                 folding=folded.folding,
             )
         )
@@ -89,7 +94,7 @@ def clocked(
 
 
 def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: float = 0.5) -> Record:
-    """A record of the model itself with effects of some size, and noise."""
+    """A record of the model itself with effects of some size, and noise `sd` [mmHg]."""
     rng = np.random.default_rng(seed)
     plain = settings()
     waves = beats_of_model(rng, sizes)[..., ::STEP]
@@ -97,7 +102,7 @@ def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: flo
     conditions = []
     for c, condition in enumerate(plain.conditions):
         noisy = {
-            name: waves[c, s] + sd * np.sqrt(beats) * noise(rng, (beats, n))
+            name: waves[c, s] + sd * MMHG * np.sqrt(beats) * noise(rng, (beats, n))
             for s, name in enumerate(("P_aorta", "P_distal"))
         }
         means = {name: float(wave.mean()) for name, wave in noisy.items()}
@@ -117,4 +122,5 @@ def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: flo
                 beats=noisy,
             )
         )
-    return Record("test", tuple(conditions), sd if beats == 1 else None, 0.05, 0.01, 3.75, 0.15)
+    stated = sd * MMHG if beats == 1 else None
+    return Record("test", tuple(conditions), stated, 0.05, 0.01, R0, 0.15)

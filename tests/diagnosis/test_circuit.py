@@ -42,10 +42,10 @@ def surrogate(K: float | None = None):
         im_factor=1.0 + 0.07 * OWN[5],
     )
     model = Surrogate(
-        R0=circuit.R0 * MMHG,
+        R0=circuit.R0,
         alpha=0.25 * jnp.exp(OWN[1]),
         coronary=bed,
-        C0=circuit.C0 / MMHG,
+        C0=circuit.C0,
         K=None if K is None else K * MMHG,
     )
     setting = condition_from_clinic(105.0 + 2.0 * 0.5, 60.0 - 2.0 * 0.4, 0.7)
@@ -57,12 +57,10 @@ def test_base_circuit_is_the_surrogate_of_the_paper():
     exact = solve_periodic(network, period, Fourier(n_samples=1024))
     waves = as_waves(predict(case(), ONE_WAY, CATALOGUE, jnp.zeros(len(CATALOGUE))))
     step = 1024 // PHASE.size
-    distal = np.asarray(exact.pressure("distal"))[::step] / MMHG
+    distal = np.asarray(exact.pressure("distal"))[::step]
     # 40 harmonics of a pressure with kinks: 0.1 mmHg next to them, 0.03 rms
-    assert np.sqrt(np.mean((distal - waves[1]) ** 2)) < 0.05
-    assert float(waves[1].mean()) == pytest.approx(
-        float(exact.mean_pressure("distal")) / MMHG, 1e-4
-    )
+    assert np.sqrt(np.mean((distal - waves[1]) ** 2)) < 0.05 * MMHG
+    assert float(waves[1].mean()) == pytest.approx(float(exact.mean_pressure("distal")), 1e-4)
 
 
 def test_quadratic_loss_agrees_with_shooting():
@@ -70,15 +68,15 @@ def test_quadratic_loss_agrees_with_shooting():
     exact = solve_periodic(network, period, Shooting(n_steps=256))
     sizes = jnp.zeros(len(CATALOGUE)).at[0].set(6.0)
     waves = as_waves(predict(case(), ONE_WAY, CATALOGUE, sizes))
-    there = np.interp(PHASE * float(period), exact.t, np.asarray(exact.pressure("distal")) / MMHG)
+    there = np.interp(PHASE * float(period), exact.t, np.asarray(exact.pressure("distal")))
     # the flow's harmonics above 24 see the mean of the nonlinear slope: 0.06 mmHg rms
-    assert np.sqrt(np.mean((there - np.asarray(waves[1])) ** 2)) < 0.1
-    assert abs(there.mean() - float(waves[1].mean())) < 0.02
+    assert np.sqrt(np.mean((there - np.asarray(waves[1])) ** 2)) < 0.1 * MMHG
+    assert abs(there.mean() - float(waves[1].mean())) < 0.02 * MMHG
 
 
 def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vessel():
     own = OWN.at[0].set(0.0)
-    known = case()._replace(K=jnp.asarray(6.0), L=jnp.asarray(0.05))
+    known = case()._replace(K=jnp.asarray(6.0 * MMHG), L=jnp.asarray(0.05 * MMHG))
     sizes = jnp.zeros(len(CATALOGUE)).at[0].set(6.0)
     sizes = sizes.at[[e.id for e in CATALOGUE].index("inertance")].set(0.05)
     given = as_data(predict(known, own, (), jnp.zeros(0), nonlinear=False), 3)
@@ -96,8 +94,8 @@ def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vesse
 def test_an_effect_of_size_zero_changes_nothing():
     plain = as_data(predict(case(), OWN, (), jnp.zeros(0), nonlinear=False), 3)
     zero = data(jnp.zeros(len(CATALOGUE)))
-    # round-off of pressures near 100 through a linear solve
-    np.testing.assert_allclose(zero, plain, rtol=0.0, atol=1e-10)
+    # round-off of pressures near 100 mmHg through a linear solve
+    np.testing.assert_allclose(zero, plain, rtol=0.0, atol=1e-10 * MMHG)
 
 
 @pytest.mark.parametrize("k", range(len(CATALOGUE)), ids=[e.id for e in CATALOGUE])
@@ -122,14 +120,14 @@ def test_a_user_adds_an_effect_in_ten_lines():
     leak = Effect(
         id="leak",
         place="wall",
-        unit="mL/(s mmHg)",
-        sd=0.002,
+        unit="cm5/(dyn s)",
+        sd=1.5e-6,
         change=lambda c, size: c._replace(G_collateral=c.G_collateral + size),
         equation="Q = G (P_inlet - P_2)",
         sentence="blood leaks past the ostium",
         settled_by="an occlusion pressure",
         source="assumed",
     )
-    more = as_data(predict(case(), OWN, (leak,), jnp.ones(1) * 0.002), 2)
+    more = as_data(predict(case(), OWN, (leak,), jnp.ones(1) * 1.5e-6), 2)
     less = as_data(predict(case(), OWN, (leak,), jnp.zeros(1)), 2)
     assert float(more[-3]) > float(less[-3])  # the distal mean rises

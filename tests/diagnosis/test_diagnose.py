@@ -5,12 +5,13 @@ import pytest
 from diagnosis import CATALOGUE, diagnose, find_effect, measured, noise_of, stacked
 from diagnosis.cohort import pool
 from diagnosis.evidence import Whitened, log_moment, posterior, smooth_scale
-from diagnosis.forcing import ALIKE, AMPLITUDES_MMHG, HARMONICS, LENGTHS, forcing_mixture
+from diagnosis.forcing import ALIKE, AMPLITUDES, HARMONICS, LENGTHS, forcing_mixture
 from diagnosis.hypothesis import form_uncertainty, numbers_of
 from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.scan import linearise, score_scan
 from diagnosis.shrink import fitted_gap, held_out_gap
 from diagnosis.where import forcing_shares, joint_map, place_probabilities, rest_map
+from lumped import MMHG
 from tests.diagnosis.records import NAMES, synthetic
 
 CAUSES = (
@@ -57,7 +58,7 @@ def test_two_causes_are_both_found(found):
 def test_the_held_out_gap_shrinks_to_the_noise(found):
     (held,) = held_out_gap(found[1])
     assert held.P_distal_rms is not None
-    assert held.P_distal_rms.before > 2.0
+    assert held.P_distal_rms.before > 2.0 * MMHG
     # noise and the posterior of the fit: 0.5 to 1.2 mmHg over eight seeds, the floor is 0.7
     assert held.P_distal_rms.after < 2.0 * held.P_distal_rms.noise_floor
     assert fitted_gap(found[1]).after < 0.2 * fitted_gap(found[1]).before
@@ -94,7 +95,7 @@ def test_aliases_and_next_measurements_are_consistent(found):
     assert ("vasodilation", "r1_r3_dilation") in aliases(found[4])
     for option in next_measurements(found[4]):
         assert option.expected_log_bayes_factor >= 1.0
-    richer = isolability(found[3].record, CATALOGUE, 0.5)
+    richer = isolability(found[3].record, CATALOGUE, 0.5 * MMHG)
     counts = [sum(v >= 3.0 for v in richer[name].values()) for name in ("means", "waveforms")]
     assert counts[1] > counts[0]
 
@@ -167,14 +168,14 @@ def test_a_forcing_beside_a_cause_matches_the_dense_gaussian(found):
     C, d, k = 3, 60, 4
     e, J = rng.normal(size=(C, d)), rng.normal(size=(C, d, k))
     m = 2 * HARMONICS + 1
-    F, form = 0.3 * rng.normal(size=(C, d, m)), 0.3 * rng.normal(size=(C, d, 5))
+    F, form = 0.3 / MMHG * rng.normal(size=(C, d, m)), 0.3 * rng.normal(size=(C, d, 5))
     pair, sided = jnp.array([-1, -1]), jnp.zeros(k)
     a, b, c, y = (jnp.asarray(v) for v in (form, F, J, e))
     log_Z, _ = forcing_mixture(a, b, c, y, pair, sided)
     n = 0
     for s in ALIKE:
         for length in LENGTHS:
-            for amplitude in AMPLITUDES_MMHG:
+            for amplitude in AMPLITUDES:
                 scaled = F * amplitude * smooth_scale(length, HARMONICS)
                 cov = np.eye(C * d) + J.reshape(C * d, k) @ J.reshape(C * d, k).T
                 for a in range(C):
@@ -201,7 +202,7 @@ def test_noise_is_estimated_from_the_scatter_of_beats():
     noise = noise_of(synthetic({}, beats=12, sd=0.5))
     assert noise.origin == "estimated"
     # the beats' own means count as offset and take 4 % of the sd with them
-    assert noise.pressure_sd == pytest.approx(0.5, rel=0.1)
+    assert noise.pressure_sd == pytest.approx(0.5 * MMHG, rel=0.1)
     assert 0.4 < noise.white_share < 0.65
 
 

@@ -11,8 +11,9 @@ from diagnosis import (
     measured,
     stacked,
 )
+from lumped import MMHG
 
-GOOD = {"period": 0.8, "P_systolic": 110.0, "P_diastolic": 65.0, "ffr": 0.9}
+GOOD = {"period": 0.8, "P_systolic": 110.0 * MMHG, "P_diastolic": 65.0 * MMHG, "ffr": 0.9}
 
 
 def _record(noise=None, **changes):
@@ -24,7 +25,8 @@ def _record(noise=None, **changes):
     ("changes", "words"),
     [
         ({"period": -0.8}, "period"),
-        ({"P_systolic": 60.0}, "lies below"),
+        ({"P_systolic": 60.0 * MMHG}, r"60 mmHg\) lies below"),
+        ({"P_systolic": 110.0, "P_diastolic": 65.0}, "multiply those in mmHg by lumped.MMHG"),
         ({"P_diastolic": math.nan}, "P_diastolic"),
         ({"ffr": -0.9}, "ffr"),
         ({"mean_P_distal": 0.0}, "mean_P_distal"),
@@ -51,7 +53,7 @@ def test_all_faults_of_a_record_are_told_at_once_and_a_good_one_has_none():
     with pytest.raises(ValueError, match=r"R0 = -1.*period = 0.*ffr = nan"):
         measured(_record({"R0": -1.0}, period=0.0, ffr=math.nan))
     assert measured(_record({"K": 0.0})).scalars[0, 2] == 0.9
-    assert measured(_record(P_systolic=80.0, P_diastolic=80.0)).n_conditions == 1
+    assert measured(_record(P_systolic=8e4, P_diastolic=8e4)).n_conditions == 1
 
 
 def test_diagnosis_needs_effects_and_a_positive_prior_scale():

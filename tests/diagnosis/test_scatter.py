@@ -10,6 +10,7 @@ from diagnosis import measured
 from diagnosis.circuit import FROM_SAMPLES
 from diagnosis.measured import data_of, weights, whitener_of
 from diagnosis.scatter import folded_noise
+from lumped import MMHG
 from study.case.folding import Folded
 from tests.diagnosis.records import clocked, synthetic
 
@@ -82,13 +83,13 @@ def test_what_all_sensors_share_is_not_counted_as_their_own_noise():
     """A level that both pressures have leaves their difference as sharp as it was."""
     rng = np.random.default_rng(4)
     n, b = 55, 40
-    wave = 80.0 + 20.0 * np.sin(2.0 * np.pi * np.arange(256) / 256)
-    level = 3.0 * rng.standard_normal((b, 1))
+    wave = MMHG * (80.0 + 20.0 * np.sin(2.0 * np.pi * np.arange(256) / 256))
+    level = 3.0 * MMHG * rng.standard_normal((b, 1))
     beats = {
-        name: wave[np.arange(n) * 256 // n] + level + 0.5 * rng.standard_normal((b, n))
+        name: wave[np.arange(n) * 256 // n] + level + 0.5 * MMHG * rng.standard_normal((b, n))
         for name in ("P_aorta", "P_distal")
     }
-    power = {name: np.full(41, 0.25 / n / b) for name in beats}
+    power = {name: np.full(41, (0.5 * MMHG) ** 2 / n / b) for name in beats}
     found = folded_noise(
         beats, dict.fromkeys(beats, wave), power, np.zeros(41), 0.01, estimate=True
     )
@@ -96,6 +97,6 @@ def test_what_all_sensors_share_is_not_counted_as_their_own_noise():
     means = U[:, 0]
     shared = means[0] @ means[1] / np.sqrt((means[0] @ means[0]) * (means[1] @ means[1]))
     assert shared > 0.95
-    assert np.sqrt(means[0] @ means[0]) == pytest.approx(3.0 / np.sqrt(b), rel=0.35)
+    assert np.sqrt(means[0] @ means[0]) == pytest.approx(3.0 * MMHG / np.sqrt(b), rel=0.35)
     # white noise of 0.5 a sample: a fifth for its being estimated from forty beats
-    assert np.sqrt(found.power[0, 3:25].mean() * n * b) == pytest.approx(0.5, rel=0.1)
+    assert np.sqrt(found.power[0, 3:25].mean() * n * b) == pytest.approx(0.5 * MMHG, rel=0.1)

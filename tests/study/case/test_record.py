@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis import diagnose, measured, noise_of, stacked
+from lumped import MMHG
 from study.case.faults import CaseError
 from study.case.record import read_record, record_files
 from study.run.diagnosis import with_case
@@ -111,7 +112,7 @@ def test_damaged_records_that_are_accepted_are_diagnosed(tmp_path, files):
 def test_a_stated_offset_is_used(tmp_path, files):
     toml = files["record.toml"].replace("[noise]", "[noise]\npressure_offset_sd_mmHg = 0.2", 1)
     record, _ = read_record(write(tmp_path / "r", {**files, "record.toml": toml}))
-    assert noise_of(record).offset_sd == pytest.approx(0.2)
+    assert noise_of(record).offset_sd == pytest.approx(0.2 * MMHG)
 
 
 def test_a_known_curve_is_read_and_written_again_and_needs_its_R0(tmp_path, files):
@@ -119,7 +120,7 @@ def test_a_known_curve_is_read_and_written_again_and_needs_its_R0(tmp_path, file
     curve = "K_mmHg_s2_per_ml2 = 0.75\nL_mmHg_s2_per_ml = 0.03"
     toml = files["record.toml"].replace(line, f"{line}\n{curve}")
     record, _ = read_record(write(tmp_path / "r", {**files, "record.toml": toml}))
-    assert (record.K, record.L) == pytest.approx((0.75, 0.03), rel=1e-12)
+    assert (record.K, record.L) == pytest.approx((0.75 * MMHG, 0.03 * MMHG), rel=1e-12)
     assert read_record(write(tmp_path / "again", record_files(record)))[0].K == record.K
     one = measured(record)
     assert float(one.K) == record.K
@@ -132,20 +133,20 @@ def test_R0_comes_from_the_ramp_of_a_finished_study(tmp_path, files):
     record, _ = read_record(write(tmp_path / "r", files))
     rest = record.conditions[0].beats
     drop = float(rest["P_aorta"].mean() - rest["P_distal"].mean())
-    unit = 1333.22
     ramp = {"a": 2.0, "b": 1.5, "inertance": 0.03, "tangent_40_mmHg": 15.6}
-    ramp = {key: value * unit for key, value in ramp.items()}
+    ramp = {key: value * MMHG for key, value in ramp.items()}
     document = {"format": FORMAT, "kind": "study", "ramp": ramp}
     (tmp_path / "study.json").write_text(json.dumps(document))
     changed, remark = with_case(record, tmp_path)
-    # the unit of mmHg has five digits
-    assert (changed.R0, changed.K, changed.L) == pytest.approx((2.0, 1.5, 0.03), rel=1e-5)
+    assert (changed.R0, changed.K, changed.L) == pytest.approx(
+        (ramp["a"], ramp["b"], ramp["inertance"])
+    )
     assert "curve" in remark
-    ramp["a"] = -0.1 * unit  # no curve that a surrogate could take
+    ramp["a"] = -0.1 * MMHG  # no curve that a surrogate could take
     (tmp_path / "study.json").write_text(json.dumps(document))
     changed, remark = with_case(record, tmp_path)
     Q = drop / changed.R0
-    assert -0.1 * Q + 1.5 * Q**2 == pytest.approx(drop, rel=1e-5)
+    assert ramp["a"] * Q + ramp["b"] * Q**2 == pytest.approx(drop)
     assert changed.K is None
     assert "secant" in remark
     del document["ramp"]

@@ -130,7 +130,7 @@ def test_the_gap_in_3d_is_that_of_the_surrogate_where_3d_is_the_surrogate(
 ):
     record, found = diagnosis
     circuit = circuits_of(found, found.best)[0]
-    march = QuickMarch(float(circuit.R0) * MMHG, float(circuit.C0) / MMHG)
+    march = QuickMarch(float(circuit.R0), float(circuit.C0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fsi_bench, "run_simulation", march)
         some = gap_in_3d(record, found, study, ("dobutamine_high",), tmp_path, Progress())

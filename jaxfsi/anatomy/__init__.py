@@ -8,17 +8,13 @@ if TYPE_CHECKING:
     from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening, PointFunction
     from jaxfsi.anatomy.curves.curve import (
         Curve,
-        CurveCoordinates,
         at_arc_length,
         bezier_points,
-        curve_coordinates,
         curve_through,
         extended,
-        polyline_points,
         rotation_minimising_normals,
     )
     from jaxfsi.anatomy.curves.loft import eccentric_sections, lofted
-    from jaxfsi.anatomy.grid import Grid, sample_near_zero
     from jaxfsi.anatomy.implicit import (
         Foot,
         Tube,
@@ -31,10 +27,8 @@ if TYPE_CHECKING:
     )
     from jaxfsi.anatomy.sections import (
         Section,
-        anatomy_sections,
         centerline_point,
         lumen_outline,
-        lumen_section,
         measured_section,
         plane_axes,
         surface_outline,
@@ -45,7 +39,6 @@ if TYPE_CHECKING:
         Measures,
         Published,
         anatomy_from_measures,
-        resistance_index,
         sample_anatomies,
         sample_measures,
     )
@@ -68,7 +61,6 @@ if TYPE_CHECKING:
     from jaxfsi.anatomy.surfaces.triangles import Triangles, read_triangles
     from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
     from jaxfsi.anatomy.wall import (
-        offset_by_class,
         requested_thickness,
         thickness_from_radius,
         wall_distance,

@@ -17,7 +17,7 @@ import scipy.sparse
 import scipy.sparse.csgraph
 from jaxtyping import Bool, Float, Int
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline
+from jaxfsi.anatomy.anatomy import Centerline
 
 _DIRECTIONS = 720
 
@@ -143,20 +143,6 @@ def lumen_outline(
     return _zero_segments(x, np.where(member, values, np.abs(values)))
 
 
-def lumen_section(
-    lumen: Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, " points"]],
-    centre: Float[np.ndarray, " 3"],
-    normal: Float[np.ndarray, " 3"],
-    *,
-    half_width: float,
-    n_points: int = 161,
-) -> Section:
-    """Cross-section of an implicit lumen by a plane; arguments and errors of `lumen_outline`."""
-    return measured_section(
-        lumen_outline(lumen, centre, normal, half_width=half_width, n_points=n_points)
-    )
-
-
 def _loop_of(
     segments: Segments, ends: Int[np.ndarray, "segments 2"]
 ) -> Float[np.ndarray, "loop 2 2"]:
@@ -247,40 +233,3 @@ def centerline_point(
         for values in (line.points, tangent)
     )
     return position, direction / np.linalg.norm(direction)
-
-
-def anatomy_sections(
-    anatomy: Anatomy,
-    vessel: str,
-    s: Float[np.ndarray, " places"],
-    *,
-    half_width: float,
-    n_points: int = 161,
-) -> list[Section]:
-    """Cross-sections of an anatomy's lumen across one of its centerlines.
-
-    Args:
-        anatomy: any anatomy.
-        vessel: name of the centerline.
-        s: arc lengths along it [cm].
-        half_width: of the searched square [cm].
-        n_points: grid points along its side.
-
-    Raises:
-        ValueError: there is no such centerline, or a section cannot be taken.
-    """
-    if vessel not in anatomy.centerlines:
-        raise ValueError(
-            f"{anatomy.name} has no centerline {vessel!r}; it has"
-            f" {', '.join(anatomy.centerlines)}. Use one of these."
-        )
-    line = anatomy.centerlines[vessel]
-    return [
-        lumen_section(
-            anatomy.lumen,
-            *centerline_point(line, float(x)),
-            half_width=half_width,
-            n_points=n_points,
-        )
-        for x in s
-    ]

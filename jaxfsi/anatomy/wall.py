@@ -98,35 +98,3 @@ def wall_function(
 ) -> Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, " points"]]:
     """The wall function of some vessels as a function of position only (it can be pickled)."""
     return partial(wall_distance, tuple(vessels))
-
-
-def offset_by_class(
-    lumen: Float[np.ndarray, " points"],
-    class_distances: Sequence[Float[np.ndarray, " points"]],
-    class_thickness: Sequence[float],
-    *,
-    crease: float = _CREASE,
-) -> Float[np.ndarray, " points"]:
-    """Outer wall function of a lumen given as a surface in classes of thickness.
-
-    W = min_k over classes (d_class − t_class), and W ← min(W, L − 0.6 min t), where d_class is
-    the signed distance to the part of the surface that belongs to the class.
-
-    Args:
-        lumen: signed distance to the whole lumen [cm].
-        class_distances: signed distance to the part of each class [cm].
-        class_thickness: thickness of each class [cm].
-        crease: blend radius between classes [cm].
-
-    Raises:
-        ValueError: there is no class, or not one thickness for each.
-    """
-    if not class_distances or len(class_distances) != len(class_thickness):
-        raise ValueError(
-            f"{len(class_distances)} distances for {len(class_thickness)} thickness classes."
-            " Give one distance for each of at least one class."
-        )
-    value = class_distances[0] - class_thickness[0]
-    for distance, thickness in zip(class_distances[1:], class_thickness[1:], strict=True):
-        value = smooth_minimum(value, distance - thickness, crease)
-    return np.minimum(value, lumen - _FLOOR * min(class_thickness))

@@ -1,6 +1,5 @@
 """Names of the files that each command writes, and which of them belong to a result that stands."""
 
-import pathlib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -80,8 +79,3 @@ def kept_files(kind: str, document: Mapping[str, Any]) -> list[str]:
 def _part(document: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     part = document.get(key)
     return part if isinstance(part, Mapping) else {}
-
-
-def kind_of(file: pathlib.Path) -> str | None:
-    """The kind of result whose document bears the name of a file."""
-    return next((name for name, kind in KINDS.items() if kind.document == file.name), None)

@@ -1,28 +1,20 @@
 """Axes of vessels: curves sampled evenly along their length, each sample with an orthonormal frame.
 
 The frame (n, b, t) is right-handed, t = n × b, with t along the curve. Unless a direction is
-prescribed, n turns as little as possible about t (rotation-minimising frame). A point x in space
-gets the coordinates (s, u, v) of its foot on the curve::
-
-    (x − c(s))·t(s) = 0,   u = (x − c(s))·n(s),   v = (x − c(s))·b(s)
-
-Beyond its ends a curve goes on straight.
+prescribed, n turns as little as possible about t (rotation-minimising frame). Beyond its ends a
+curve goes on straight.
 
 Source: Wang, Jüttler, Zheng, Liu 2008, "Computation of rotation minimizing frames", ACM Trans.
 Graph. 27:2, table 1 (double reflection).
 """
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 import scipy.interpolate
-import scipy.spatial
 from jaxtyping import Float
 
-_NEWTON_STEPS = 4
 _OVERSAMPLING = 8
-_SMALLEST_SLOPE = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,21 +39,6 @@ class Curve:
     def spacing(self) -> float:
         """Arc length between two samples [cm]."""
         return float(self.s[1] - self.s[0])
-
-
-class CurveCoordinates(NamedTuple):
-    """Position of points relative to a curve.
-
-    Attributes:
-        s: arc length of the foot [cm]; below the first and above the last sample on the straight
-            continuations.
-        u: offset along the normal [cm].
-        v: offset along the binormal [cm].
-    """
-
-    s: Float[np.ndarray, " points"]
-    u: Float[np.ndarray, " points"]
-    v: Float[np.ndarray, " points"]
 
 
 def _unit(vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
@@ -180,15 +157,6 @@ def bezier_points(
     return level[:, 0]
 
 
-def polyline_points(
-    points: Float[np.ndarray, "controls 3"], spacing: float
-) -> Float[np.ndarray, "points 3"]:
-    """Points at even arc length along the straight pieces between points [cm]."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    s = np.linspace(0.0, length[-1], max(int(np.ceil(length[-1] / spacing)) + 1, 2))
-    return np.stack([np.interp(s, length, points[:, i]) for i in range(3)], axis=1)
-
-
 def extended(curve: Curve, before: float, after: float) -> Curve:
     """The curve with straight pieces at its ends; s = 0 stays where it was.
 
@@ -244,25 +212,3 @@ def at_arc_length(
     normal = _across((1.0 - f) * curve.normal[i] + f * curve.normal[i + 1], tangent)
     position = position + (s - inside)[:, None] * tangent
     return position, tangent, normal, np.cross(tangent, normal)
-
-
-def curve_coordinates(curve: Curve, points: Float[np.ndarray, "points 3"]) -> CurveCoordinates:
-    """Arc length of the nearest point of a curve and the offsets along its frame.
-
-    The nearest sample (KD-tree) is refined by Newton steps on (x − c(s))·t(s) = 0, whose
-    derivative is −1 + (x − c)·κn.
-    """
-    _, nearest = scipy.spatial.KDTree(curve.points).query(points)
-    bend = np.gradient(curve.tangent, curve.spacing, axis=0)[nearest]
-    s = curve.s[nearest]
-    low = np.where(nearest == 0, -np.inf, s - curve.spacing)
-    high = np.where(nearest == len(curve.s) - 1, np.inf, s + curve.spacing)
-    for _ in range(_NEWTON_STEPS):
-        position, tangent, _, _ = at_arc_length(curve, s)
-        offset = points - position
-        # Points beyond the centre of curvature have no unique foot; the bound keeps them tame.
-        slope = np.maximum(1.0 - np.sum(offset * bend, axis=1), _SMALLEST_SLOPE)
-        s = np.clip(s + np.sum(offset * tangent, axis=1) / slope, low, high)
-    position, _, normal, binormal = at_arc_length(curve, s)
-    offset = points - position
-    return CurveCoordinates(s, np.sum(offset * normal, axis=1), np.sum(offset * binormal, axis=1))

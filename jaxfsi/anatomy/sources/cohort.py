@@ -77,9 +77,6 @@ class TruncatedNormal(NamedTuple):
         return scipy.stats.truncnorm.ppf(uniform, low, high, loc=self.mean, scale=self.sd)
 
 
-N_PUBLISHED = 81
-"""Patients behind the table."""
-
 PUBLISHED: dict[str, Published] = {
     "ostial_area_mm2": Published(6.69, 2.27, 1.34, 13.0),
     "ostial_ellipticity": Published(2.89, 0.85, 1.0, 5.3),
@@ -161,24 +158,6 @@ def half_axes(
     """Half axes (major, minor) of ellipses of given area and ratio of axes."""
     minor = np.sqrt(area / (np.pi * ellipticity))
     return minor * ellipticity, minor
-
-
-def ellipse_perimeter(
-    major: Float[np.ndarray, " n"], minor: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """Perimeter from half axes, π (a + b)(1 + 3h/(10 + √(4 − 3h))), h = ((a − b)/(a + b))².
-
-    Ramanujan 1914, "Modular equations and approximations to π"; low by less than 1e-4 here.
-    """
-    h = ((major - minor) / (major + minor)) ** 2
-    return np.pi * (major + minor) * (1.0 + 3.0 * h / (10.0 + np.sqrt(4.0 - 3.0 * h)))
-
-
-def resistance_index(measures: Measures) -> Float[np.ndarray, " patients"]:
-    """Resistance index L P⁴/A⁴ of the intramural lumen [1/mm³] (Mokhtari et al. 2026)."""
-    area = measures.intramural_area_mm2
-    perimeter = ellipse_perimeter(*half_axes(area, measures.intramural_ellipticity))
-    return measures.length_mm * (perimeter / area) ** 4
 
 
 def _plausible(measures: Measures) -> np.ndarray:

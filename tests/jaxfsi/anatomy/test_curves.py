@@ -4,10 +4,8 @@ import pytest
 from jaxfsi.anatomy import (
     at_arc_length,
     bezier_points,
-    curve_coordinates,
     curve_through,
     extended,
-    polyline_points,
 )
 
 
@@ -65,24 +63,11 @@ def test_normals_may_be_prescribed() -> None:
     np.testing.assert_allclose(curve.normal, radial, atol=1e-3)
 
 
-def test_coordinates_of_points_about_an_arc() -> None:
-    curve = curve_through(_arc(2.0, 1.5, 60), 0.05, normals=np.array([[1.0, 0.0, 0.0]]))
-    generator = np.random.default_rng(0)
-    phi, u, v = generator.uniform([0.05, -0.8, -0.8], [1.45, 0.8, 0.8], (500, 3)).T
-    points = np.stack([(2.0 + u) * np.cos(phi), (2.0 + u) * np.sin(phi), -v], axis=1)
-    found = curve_coordinates(curve, points)
-    # Curve and foot are of fourth order: (h/R)⁴/384 R, h = 0.05, and the Newton steps' remainder.
-    np.testing.assert_allclose(found.s, 2.0 * phi, atol=1e-5)
-    np.testing.assert_allclose(found.u, u, atol=1e-6)
-    np.testing.assert_allclose(found.v, v, atol=1e-6)
-
-
 def test_curves_go_on_straight_beyond_their_ends() -> None:
     curve = curve_through(_arc(1.0, 1.0, 20), 0.05)
-    point = curve.points[-1] + 0.3 * curve.tangent[-1] + 0.1 * curve.normal[-1]
-    found = curve_coordinates(curve, point[None])
-    assert found.s[0] == pytest.approx(curve.s[-1] + 0.3, abs=1e-12)
-    assert found.u[0] == pytest.approx(0.1, abs=1e-12)
+    (beyond,), (tangent,), *_ = at_arc_length(curve, curve.s[-1:] + 0.3)
+    np.testing.assert_allclose(beyond, curve.points[-1] + 0.3 * curve.tangent[-1], atol=1e-12)
+    np.testing.assert_allclose(tangent, curve.tangent[-1], atol=1e-12)
     longer = extended(curve, 0.2, 0.3)
     assert longer.s[0] <= -0.2
     assert longer.s[-1] >= curve.s[-1] + 0.3
@@ -95,12 +80,6 @@ def test_bezier_curve_is_the_bernstein_sum() -> None:
     t = np.linspace(0.0, 1.0, 7)[:, None]
     weights = np.concatenate([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3], 1)
     np.testing.assert_allclose(bezier_points(controls, 7), weights @ controls, atol=1e-15)
-
-
-def test_polyline_points_keep_the_length() -> None:
-    points = polyline_points(np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0]]), 0.1)
-    assert len(points) == 31
-    np.testing.assert_allclose(np.linalg.norm(np.diff(points, axis=0), axis=1), 0.1, atol=1e-12)
 
 
 def test_repeated_points_are_refused() -> None:

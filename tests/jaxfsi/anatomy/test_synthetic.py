@@ -12,7 +12,6 @@ from jaxfsi.anatomy import (
     adult_anatomy,
     paediatric_anatomy,
     parameter_faults,
-    sample_near_zero,
     scaled_anatomy,
     surface_points,
     synthetic_anatomy,
@@ -20,6 +19,7 @@ from jaxfsi.anatomy import (
     tube_foot,
 )
 from jaxfsi.anatomy.sources.parameters import approach, shortest_intramural_length
+from tests.jaxfsi.anatomy.sampling import grid_values
 
 # take-off [deg], length [cm], ellipticity, hypoplasia, septum [cm], reference radius [cm]
 CORNERS = [
@@ -51,8 +51,7 @@ def _corner(values: tuple[float, ...], side: str) -> SyntheticAnatomy:
 
 def _euler_number(function: PointFunction, box: np.ndarray, spacing: float) -> int:
     measure = pytest.importorskip("skimage.measure")
-    grid = sample_near_zero(function, box, spacing, band=spacing)
-    closed = np.pad(grid.values, 1, constant_values=1.0)
+    closed = np.pad(grid_values(function, box, spacing), 1, constant_values=1.0)
     _, faces, _, _ = measure.marching_cubes(closed, 0.0)
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     return len(np.unique(faces)) - len(np.unique(edges, axis=0)) + len(faces)
@@ -166,10 +165,11 @@ def test_openings_lie_inside_the_lumen_and_cut_one_vessel_each(p: SyntheticAnato
 
 def test_bounds_hold_the_wall() -> None:
     anatomy = synthetic_anatomy(paediatric_anatomy("right"))
-    grid = sample_near_zero(anatomy.wall, anatomy.bounds, 0.05, band=0.05)
     for axis in range(3):
-        faces = np.take(grid.values, [0, -1], axis=axis)
-        assert np.all(faces > 0.0)
+        for end in (0, 1):
+            face = anatomy.bounds.copy()
+            face[:, axis] = anatomy.bounds[end, axis]
+            assert np.all(grid_values(anatomy.wall, face, 0.05) > 0.0)
 
 
 def test_local_radius_is_half_the_width_of_the_nearest_lumen() -> None:

@@ -6,7 +6,6 @@ from jaxfsi.anatomy import (
     curve_through,
     elliptic_contours,
     lumen_distance,
-    offset_by_class,
     requested_thickness,
     thickness_from_radius,
     tube,
@@ -84,13 +83,3 @@ def test_requested_thickness_passes_from_vessel_to_vessel() -> None:
     # Halfway between the lumens: the geometric mean.
     assert found[1] == pytest.approx(np.sqrt(0.15 * 0.05), rel=1e-3)
     assert found[2] == pytest.approx(0.05, rel=1e-3)
-
-
-def test_offset_by_class_is_additively_weighted() -> None:
-    x = np.linspace(0.0, 1.0, 11)
-    thick, thin = x - 0.2, 0.7 - x
-    found = offset_by_class(np.minimum(thick, thin), [thick, thin], [0.15, 0.05])
-    np.testing.assert_allclose(found[:4], (thick - 0.15)[:4], atol=1e-12)
-    np.testing.assert_allclose(found[-3:], (thin - 0.05)[-3:], atol=1e-12)
-    with pytest.raises(ValueError, match="one distance for each"):
-        offset_by_class(x, [x], [0.1, 0.2])

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from jaxfsi.mesh import Region, tet_faces
 
@@ -189,3 +191,27 @@ def tet_edges(tets: Int[np.ndarray, "tets 4"]) -> Int[np.ndarray, "edges 2"]:
 def triangle_edges(faces: Int[np.ndarray, "faces 3"]) -> Int[np.ndarray, "faces 3 2"]:
     """The three directed edges of each triangle."""
     return faces[:, _TRIANGLE_EDGES]
+
+
+def corner_fans(
+    faces: Int[np.ndarray, "faces 3"], pair: Int[np.ndarray, "pairs 2"]
+) -> Int[np.ndarray, " corners"]:
+    """Fan of triangles that each corner belongs to: two triangles at an edge join at both ends.
+
+    Args:
+        faces: triangles; corner 3 f + i is node i of triangle f.
+        pair: half-edges 3 f + i, from node i to node i + 1 of triangle f, that share one edge.
+    """
+    first, second = pair[:, 0], pair[:, 1]
+    nodes = faces.reshape(-1)
+
+    def ending(half: np.ndarray) -> np.ndarray:
+        return half // 3 * 3 + (half % 3 + 1) % 3
+
+    opposed = nodes[first] == nodes[ending(second)]
+    start = np.where(opposed, ending(second), second)
+    end = np.where(opposed, second, ending(second))
+    rows = np.concatenate([first, ending(first)])
+    columns = np.concatenate([start, end])
+    graph = csr_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(nodes.size,) * 2)
+    return connected_components(graph, directed=False)[1]

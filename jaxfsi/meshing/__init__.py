@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
+    from jaxfsi.measures import enclosed_volume
     from jaxfsi.meshing.build import MeshReport, MeshResult, build_mesh
     from jaxfsi.meshing.check.fidelity import Fidelity, elements_across, mesh_fidelity
     from jaxfsi.meshing.check.quality import (
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from jaxfsi.meshing.structured.strip import strip
     from jaxfsi.meshing.structured.tube import bent, elliptic, mapped, ring, tube
     from jaxfsi.meshing.surface.isosurface import Surface
-    from jaxfsi.meshing.surface.topology import SurfaceTopology, enclosed_volume, surface_topology
+    from jaxfsi.meshing.surface.topology import SurfaceTopology, surface_topology
     from jaxfsi.meshing.volume.fill import BACKENDS, Backend, Filling, fill_surfaces
 
 import_on_first_use(__name__)

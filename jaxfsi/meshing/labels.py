@@ -21,6 +21,7 @@ from jaxfsi.faces import (
     triangle_edges,
     unique_rows,
 )
+from jaxfsi.measures import triangle_normals
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh
 from jaxfsi.mesh_checks import place
 from jaxfsi.opening import Opening
@@ -250,7 +251,7 @@ def _patch_opening(
 ) -> tuple[float, Opening]:
     """Area of a patch and the opening that it is."""
     a, b, c = (points[patch[:, i]] for i in range(3))
-    vectors = np.cross(b - a, c - a) / 2.0
+    vectors = triangle_normals(points, patch) / 2.0
     areas = np.linalg.norm(vectors, axis=1)
     total = float(np.linalg.norm(vectors.sum(axis=0)))
     centre = np.sum(areas[:, None] * (a + b + c), axis=0) / (3.0 * areas.sum())
@@ -328,8 +329,7 @@ def _ring_of(
     """Opening whose cut wall each face of the solid is, −1 for none."""
     planes = []
     for faces in openings:
-        a, b, c = (points[faces[:, i]] for i in range(3))
-        vector = np.cross(b - a, c - a).sum(axis=0)
+        vector = triangle_normals(points, faces).sum(axis=0)
         centre = points[faces].mean(axis=(0, 1))
         rim = float(np.max(np.linalg.norm(points[faces] - centre, axis=2)))
         planes.append(Opening("", centre, vector / np.linalg.norm(vector), 3.0 * rim))

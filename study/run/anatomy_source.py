@@ -16,9 +16,9 @@ import jaxfsi.anatomy as sources
 from jaxfsi import Mesh, Region
 from jaxfsi.anatomy import Anatomy, Cut, IvusOptions, SurfaceOptions
 from jaxfsi.anatomy import SyntheticAnatomy as Parameters
+from jaxfsi.measures import triangle_areas
 from jaxfsi.mesh_files import read_mesh, read_mesh_complete
 from jaxfsi.mesh_parts import canonically_labelled
-from jaxfsi.meshing.check.quality import triangle_areas
 from lumped.units import MM
 from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy, SyntheticAnatomy
 from study.case.faults import CaseError, Fault

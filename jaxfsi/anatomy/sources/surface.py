@@ -22,7 +22,6 @@ from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
 from jaxfsi.anatomy.sources.ct_course import smoothed
 from jaxfsi.anatomy.surfaces.crossings import crossing_faces
 from jaxfsi.anatomy.surfaces.edits import (
-    edge_lengths,
     extended_and_closed,
     refined,
     taubin_smoothed,
@@ -36,7 +35,6 @@ from jaxfsi.anatomy.surfaces.triangles import (
     check_span,
     cleaned,
     edges_of,
-    enclosed_volume,
     read_triangles,
 )
 from jaxfsi.anatomy.surfaces.walled_surface import (
@@ -48,6 +46,7 @@ from jaxfsi.anatomy.surfaces.walled_surface import (
     walled_surface,
 )
 from jaxfsi.anatomy.wall import thickness_from_radius
+from jaxfsi.measures import edge_lengths, enclosed_volume
 from jaxfsi.opening import canonically_ordered
 
 Unit = Literal["mm", "cm", "m"]
@@ -57,6 +56,7 @@ _OVERRUN = 0.5  # of vessels beyond their ends [cm]
 _LONG = 2.0  # of the continuations for radii, over the radius
 _LARGEST = 300.0  # from the middle of the surface to its farthest corner [cm]
 _LONGEST = 3.0  # edge over the median one
+_CROSSING = 1e-9  # of the cube of the longest edge, beyond which triangles cross
 _MARGIN = 0.3
 _BALL = 1.15  # radius of an opening over that of the vessel with its wall
 _OWN = 1.5  # way over the surface from an end to what belongs to it, over the radius of its ball
@@ -178,9 +178,9 @@ def _smooth(body: Triangles, ends: list[FlatEnd], steps: int) -> tuple[Triangles
     """The smoothed surface with flat loops, and its longest edge [cm]."""
     loops = np.concatenate([np.zeros(0, dtype=np.int64), *(end.loop for end in ends)])
     smooth = taubin_smoothed(with_flat_loops(body, ends), steps, fixed=loops)
-    longest = _LONGEST * float(np.median(edge_lengths(smooth)))
+    longest = _LONGEST * float(np.median(edge_lengths(smooth.points, edges_of(smooth.faces).ends)))
     smooth = refined(smooth, longest)
-    _check_crossings(smooth, longest)
+    _check_crossings(smooth)
     return smooth, longest
 
 
@@ -188,8 +188,8 @@ def _change(body: Triangles, smooth: Triangles) -> dict[str, object]:
     """Volumes [cm³] before and after smoothing, and the largest move of a point [cm]."""
     moves = smooth.points[: len(body.points)] - body.points
     return {
-        "volume": enclosed_volume(extended_and_closed(body, ends_of(body), 0.0)),
-        "smoothed_volume": enclosed_volume(extended_and_closed(smooth, ends_of(smooth), 0.0)),
+        "volume": enclosed_volume(*extended_and_closed(body, ends_of(body), 0.0)),
+        "smoothed_volume": enclosed_volume(*extended_and_closed(smooth, ends_of(smooth), 0.0)),
         "largest_move": float(np.max(np.linalg.norm(moves, axis=1))),
     }
 
@@ -221,10 +221,11 @@ def _check_ends(
         )
 
 
-def _check_crossings(surface: Triangles, longest: float) -> None:
+def _check_crossings(surface: Triangles) -> None:
     """Refuse what still crosses after smoothing, which has healed folds of single triangles."""
-    pairs = crossing_faces(surface, longest)
-    if len(pairs):
+    found = crossing_faces(surface.points, surface.faces, tolerance=_CROSSING)
+    if len(found):
+        pairs = np.unique(np.sort(found, axis=1), axis=0)
         place = surface.points[surface.faces[pairs[0, 0]]].mean(axis=0)
         where = ", ".join(f"{x:.3g}" for x in place)
         raise ValueError(

@@ -1,17 +1,16 @@
 """Self-intersections of a triangulated surface.
 
-Two triangles cross where an edge of one passes through the inside of the other: its ends lie on
-both sides of the plane, and the signed volumes with the three edges have one sign. Candidates share
-a cell of a regular grid into which the boxes of all triangles are entered.
+Two triangles cross where an edge of one passes through the other: its ends lie on both sides of the
+plane, and the signed volumes with the three edges have one sign. Candidates share a cell of a
+regular grid into which the boxes of all triangles are entered.
 """
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
-from jaxfsi.anatomy.surfaces.triangles import Triangles
-
-_TOLERANCE = 1e-9  # of the cube of the cell size
+_FLAT = 1e-14  # height of an edge along a plane, over its length and the triangle's size
 _CHUNK = 1_000_000
+_MOST_CELLS = 32  # along an edge
 
 
 def _expanded(
@@ -65,29 +64,49 @@ def _volume(
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)
 
 
-def crossing_faces(surface: Triangles, cell: float) -> Int[np.ndarray, "pairs 2"]:
-    """Pairs of triangles that pass through each other.
+def _pass_through(
+    corners: Float[np.ndarray, "faces 3 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    pairs: Int[np.ndarray, "pairs 2"],
+    limit: float,
+) -> Bool[np.ndarray, " pairs"]:
+    """Pairs of which an edge of the first triangle, no corner shared, passes through the second."""
+    one, other = pairs.T
+    a, b, c = (corners[other, i] for i in range(3))
+    height = np.stack([_volume(a, b, c, corners[one, i]) for i in range(3)], axis=1)
+    free = np.all(faces[one][:, :, None] != faces[other][:, None, :], axis=2)
+    hit = np.zeros(len(pairs), dtype=bool)
+    for i, j in ((0, 1), (1, 2), (2, 0)):
+        p, q = corners[one, i], corners[one, j]
+        slope = np.abs(height[:, i] - height[:, j])
+        through = (height[:, i] * height[:, j] <= -(limit**2)) & free[:, i] & free[:, j]
+        through &= slope > _FLAT * np.linalg.norm(q - p, axis=1) ** 3
+        sides = np.stack([_volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)], axis=1)
+        hit |= through & (np.all(sides >= limit, axis=1) | np.all(sides <= -limit, axis=1))
+    return hit
+
+
+def crossing_faces(
+    points: Float[np.ndarray, "points 3"],
+    faces: Int[np.ndarray, "faces 3"],
+    *,
+    tolerance: float = 0.0,
+) -> Int[np.ndarray, "pairs 2"]:
+    """Triangles an edge of which passes through another one, in pairs with that one.
 
     Args:
-        surface: any surface.
-        cell: about the longest edge [cm].
+        points: vertices [cm].
+        faces: corners of each triangle.
+        tolerance: volume, over the cube of the longest edge, that an edge must reach beyond the
+            plane and the sides of a triangle; with 0 an edge that touches one counts too.
     """
-    corners = surface.points[surface.faces]
-    pairs = _candidates(corners, cell)
-    limit = _TOLERANCE * cell**3
+    corners = points[faces]
+    edges = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    longest = float(np.max(edges, initial=0.0))
+    near = _candidates(corners, max(float(np.mean(edges)), longest / _MOST_CELLS))
+    limit = tolerance * longest**3
     crossing = [np.zeros((0, 2), dtype=np.int64)]
-    for start in range(0, len(pairs), _CHUNK):
-        part = pairs[start : start + _CHUNK]
-        hit = np.zeros(len(part), dtype=bool)
-        for one, other in ((part[:, 0], part[:, 1]), (part[:, 1], part[:, 0])):
-            a, b, c = (corners[other, i] for i in range(3))
-            height = np.stack([_volume(a, b, c, corners[one, i]) for i in range(3)], axis=1)
-            for i in range(3):
-                p, q = corners[one, i], corners[one, (i + 1) % 3]
-                through = height[:, i] * height[:, (i + 1) % 3] < -(limit**2)
-                sides = np.stack(
-                    [_volume(p, q, a, b), _volume(p, q, b, c), _volume(p, q, c, a)], axis=1
-                )
-                hit |= through & (np.all(sides > limit, axis=1) | np.all(sides < -limit, axis=1))
-        crossing.append(part[hit])
+    for start in range(0, len(near), _CHUNK):
+        for pairs in (near[start : start + _CHUNK], near[start : start + _CHUNK, ::-1]):
+            crossing.append(pairs[_pass_through(corners, faces, pairs, limit)])
     return np.concatenate(crossing)

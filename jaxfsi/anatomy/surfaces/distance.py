@@ -17,11 +17,11 @@ from jaxtyping import Bool, Float, Int
 from jaxfsi.anatomy.surfaces.triangles import (
     Triangles,
     edges_of,
-    face_normals,
     neighbours,
     unit,
     vertex_normals,
 )
+from jaxfsi.measures import triangle_normals
 
 _CANDIDATES = (10, 60)
 _CHUNK = 40_000
@@ -67,7 +67,7 @@ def surface_distance(surface: Triangles) -> SurfaceDistance:
     corners = surface.points[surface.faces]
     centroid = corners.mean(axis=1)
     reach = np.max(np.linalg.norm(corners - centroid[:, None], axis=2), axis=1)
-    normal = unit(face_normals(surface))
+    normal = unit(triangle_normals(*surface))
     edge_normal = np.repeat(normal[:, None], 3, axis=1)
     pairs, corner = neighbours(edges_of(surface.faces))
     for i in (0, 1):

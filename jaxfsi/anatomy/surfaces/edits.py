@@ -2,21 +2,34 @@
 
 import numpy as np
 import scipy.sparse
-from jaxtyping import Bool, Float, Int
+import trimesh
+import trimesh.smoothing
+from jaxtyping import Bool, Int
 
 from jaxfsi.anatomy.surfaces.flat_ends import FlatEnd
 from jaxfsi.anatomy.surfaces.triangles import Triangles, edges_of
+from jaxfsi.measures import edge_lengths
 
-_TAUBIN_SHRINK = 0.5
-_TAUBIN_GROW = -0.51
+_SHRINK = 0.5
+_GROW = 0.51
 _MAX_SPLITS = 30
+_NONE = np.zeros(0, dtype=np.int64)
 
 
-def mean_of_neighbours(surface: Triangles) -> scipy.sparse.csr_array:
-    """Matrix that replaces values at points by the mean over the points joined by an edge."""
+def mean_of_neighbours(
+    surface: Triangles, fixed: Int[np.ndarray, " fixed"] = _NONE
+) -> scipy.sparse.csr_array:
+    """Matrix that replaces values at points by the mean over the points joined by an edge.
+
+    Args:
+        surface: any surface.
+        fixed: points that keep their values.
+    """
     ends = edges_of(surface.faces).ends
     n = len(surface.points)
     row, column = np.concatenate([ends, ends[:, ::-1]]).T
+    moving = ~np.isin(row, fixed)
+    row, column = (np.concatenate([x[moving], fixed]) for x in (row, column))
     joined = scipy.sparse.csr_array((np.ones(len(row)), (row, column)), shape=(n, n))
     count = np.maximum(joined.sum(axis=1), 1.0)
     return scipy.sparse.csr_array(scipy.sparse.diags_array(1.0 / count) @ joined)
@@ -36,14 +49,10 @@ def taubin_smoothed(
         steps: number of pairs of steps; 0 leaves the surface alone.
         fixed: points that stay.
     """
-    mean = mean_of_neighbours(surface)
-    moving = np.ones((len(surface.points), 1))
-    moving[fixed] = 0.0
-    points = surface.points
-    for _ in range(steps):
-        for factor in (_TAUBIN_SHRINK, _TAUBIN_GROW):
-            points = points + factor * moving * (mean @ points - points)
-    return Triangles(points, surface.faces)
+    mesh = trimesh.Trimesh(surface.points, surface.faces, process=False)
+    mean = mean_of_neighbours(surface, fixed)
+    smooth = trimesh.smoothing.filter_taubin(mesh, _SHRINK, _GROW, 2 * steps, mean)
+    return Triangles(np.asarray(smooth.vertices), surface.faces)
 
 
 def _rolled(
@@ -78,16 +87,10 @@ def _split_once(surface: Triangles, marked: Bool[np.ndarray, " edges"]) -> Trian
     return Triangles(points, np.concatenate(faces))
 
 
-def edge_lengths(surface: Triangles) -> Float[np.ndarray, " edges"]:
-    """Length of every edge."""
-    ends = surface.points[edges_of(surface.faces).ends]
-    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-
-
 def refined(surface: Triangles, longest: float) -> Triangles:
     """The same surface with no edge longer than given; the points there were come first."""
     for _ in range(_MAX_SPLITS):
-        marked = edge_lengths(surface) > longest
+        marked = edge_lengths(surface.points, edges_of(surface.faces).ends) > longest
         if not np.any(marked):
             break
         surface = _split_once(surface, marked)

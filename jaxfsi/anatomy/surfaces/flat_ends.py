@@ -20,11 +20,10 @@ from jaxfsi.anatomy.surfaces.triangles import (
     Triangles,
     compacted,
     edges_of,
-    enclosed_volume,
-    face_normals,
     neighbours,
     unit,
 )
+from jaxfsi.measures import enclosed_volume, triangle_normals
 
 _COPLANAR_DEG = (2.0, 6.0, 15.0)
 _SHARP_DEG = 40.0
@@ -109,7 +108,7 @@ def _filled(surface: Triangles, loops: list[Int[np.ndarray, " _"]]) -> Triangles
 def outwards(surface: Triangles) -> Triangles:
     """The surface, turned inside out if the volume within its closed loops is negative."""
     closed = _filled(surface, boundary_loops(surface))
-    if enclosed_volume(closed) < 0.0:
+    if enclosed_volume(*closed) < 0.0:
         return Triangles(surface.points, surface.faces[:, ::-1])
     return surface
 
@@ -123,7 +122,7 @@ def open_ends(surface: Triangles) -> tuple[Triangles, list[FlatEnd]]:
     Raises:
         ValueError: a loop is neither a flat end of a vessel nor a small hole.
     """
-    normals = unit(face_normals(surface))
+    normals = unit(triangle_normals(*surface))
     ends, holes, faults = [], [], []
     for loop in boundary_loops(surface):
         end = flat_end(surface.points, loop)
@@ -176,7 +175,7 @@ def ends_of(surface: Triangles) -> list[FlatEnd]:
 def _coplanar_regions(
     surface: Triangles, edges: Edges, angle_deg: float, free: Bool[np.ndarray, " faces"]
 ) -> Int[np.ndarray, " faces"]:
-    normals = unit(face_normals(surface))
+    normals = unit(triangle_normals(*surface))
     pairs, _ = neighbours(edges)
     cosine = np.sum(normals[pairs[:, 0]] * normals[pairs[:, 1]], axis=1)
     joined = (cosine > np.cos(np.radians(angle_deg))) & free[pairs[:, 0]] & free[pairs[:, 1]]
@@ -190,7 +189,7 @@ def _is_cap(
     surface: Triangles, edges: Edges, region: Int[np.ndarray, " faces"]
 ) -> Bool[np.ndarray, " faces"]:
     """Triangles of the regions that pass the tests of a cap."""
-    doubled = face_normals(surface)
+    doubled = triangle_normals(*surface)
     size = np.linalg.norm(doubled, axis=1) / 2.0
     n = int(region.max()) + 1
     area = np.bincount(region, size, n)

@@ -16,8 +16,9 @@ import scipy.sparse
 import scipy.spatial
 from jaxtyping import Float, Int
 
-from jaxfsi.anatomy.surfaces.edits import edge_lengths, mean_of_neighbours
+from jaxfsi.anatomy.surfaces.edits import mean_of_neighbours
 from jaxfsi.anatomy.surfaces.triangles import Triangles, edges_of, vertex_normals
+from jaxfsi.measures import edge_lengths
 
 _SWEEPS = 30
 _EPS = 1e-2
@@ -95,7 +96,7 @@ def _ball_radius(
 
     A coarse set of points of spacing a makes a ball of radius r too large by about a²/8r.
     """
-    cell = _COARSE * float(np.median(edge_lengths(surface)))
+    cell = _COARSE * float(np.median(edge_lengths(surface.points, edges_of(surface.faces).ends)))
     place = np.floor(surface.points / cell).astype(np.int64)
     _, few = np.unique(place, axis=0, return_index=True)
     start = np.full(len(normals), float(np.linalg.norm(np.ptp(surface.points, axis=0))) / 2.0)

@@ -20,6 +20,8 @@ import scipy.spatial
 import trimesh
 from jaxtyping import Bool, Float, Int
 
+from jaxfsi.faces import corner_fans
+from jaxfsi.measures import triangle_areas, triangle_normals
 from jaxfsi.mesh_files.vtp import read_vtp
 from jaxfsi.text_files import regular_bytes, why
 
@@ -150,18 +152,12 @@ def neighbours(edges: Edges) -> tuple[Int[np.ndarray, "pairs 2"], Int[np.ndarray
     return slots // 3, slots % 3
 
 
-def face_normals(surface: Triangles) -> Float[np.ndarray, "faces 3"]:
-    """Normals of the triangles, twice their area long."""
-    a, b, c = (surface.points[surface.faces[:, i]] for i in range(3))
-    return np.cross(b - a, c - a)
-
-
 def vertex_normals(surface: Triangles) -> Float[np.ndarray, "points 3"]:
     """Unit normals of the points: face normals weighted by the angle of each triangle there.
 
     Source: Thürmer & Wüthrich 1998, "Computing vertex normals from polygonal facets".
     """
-    normals = unit(face_normals(surface))
+    normals = unit(triangle_normals(*surface))
     total = np.zeros_like(surface.points)
     corners = surface.points[surface.faces]
     for i in range(3):
@@ -176,12 +172,6 @@ def unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """Vectors of length one; zero vectors stay zero."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(length > 0.0, length, 1.0)
-
-
-def enclosed_volume(surface: Triangles) -> float:
-    """Volume inside a closed surface, ⅙ Σ a·(b × c); negative where it is inside out."""
-    a, b, c = (surface.points[surface.faces[:, i]] - surface.points[0] for i in range(3))
-    return float(np.sum(a * np.cross(b, c)) / 6.0)
 
 
 def compacted(surface: Triangles) -> Triangles:
@@ -243,7 +233,7 @@ def _without_islands(surface: Triangles) -> Triangles:
     if count == 1:
         return surface
     piece = label[surface.faces[:, 0]]
-    area = np.bincount(piece, np.linalg.norm(face_normals(surface), axis=1) / 2.0, count)
+    area = np.bincount(piece, triangle_areas(*surface), count)
     large = area > _ISLAND * np.max(area)
     if np.sum(large) > 1:
         shares = np.sort(area[large])[::-1] / np.sum(area)
@@ -284,21 +274,9 @@ def _check_manifold(surface: Triangles) -> None:
 def _pinched(surface: Triangles, edges: Edges) -> Bool[np.ndarray, " points"]:
     """Points whose triangles form more than one fan: corners joined across edges, counted."""
     pairs, corner = neighbours(edges)
-    slots = []
-    for shift in (0, 1):
-        slot = 3 * pairs + (corner + shift) % 3
-        slots.append(slot)
-    point = surface.faces.ravel()
-    # The end of an edge in one triangle is its start or its end in the other.
-    same = point[slots[0][:, 0]] == point[slots[0][:, 1]]
-    first = np.stack([slots[0][:, 0], np.where(same, slots[0][:, 1], slots[1][:, 1])], axis=1)
-    second = np.stack([slots[1][:, 0], np.where(same, slots[1][:, 1], slots[0][:, 1])], axis=1)
-    links = np.concatenate([first, second])
-    n = point.size
-    graph = scipy.sparse.coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
-    _, fan = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    fan = corner_fans(surface.faces, 3 * pairs + corner)
     _, start = np.unique(fan, return_index=True)
-    return np.bincount(point[start], minlength=len(surface.points)) > 1
+    return np.bincount(surface.faces.ravel()[start], minlength=len(surface.points)) > 1
 
 
 def _consistently_wound(surface: Triangles) -> Triangles:

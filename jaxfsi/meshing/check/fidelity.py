@@ -6,10 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxfsi.anatomy import Anatomy
+from jaxfsi.measures import triangle_normals
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.meshing.check.quality import Spread, spread_of
 from jaxfsi.meshing.check.thickness import Exit, wall_thickness
-from jaxfsi.meshing.surface.projection import gradients, triangle_normals
+from jaxfsi.meshing.surface.projection import gradients
 from jaxfsi.meshing.surface.sizes import solid_depth
 
 # Cosine between a ray and the normals of both surfaces above which it measures a thickness;

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from jaxfsi.faces import boundary_of, find_rows, tet_edges, triangle_edges, unique_rows
+from jaxfsi.measures import edge_lengths, triangle_areas
 from jaxfsi.mesh import INTERFACE, RING_SUFFIX, Mesh, Region, tet_volumes
 from jaxfsi.meshing.check.tet_quality import tet_quality
 from jaxfsi.meshing.check.thickness import wall_thickness
@@ -143,21 +144,6 @@ def mesh_quality(mesh: Mesh) -> Quality:
         septum_thickness_cm=septum,
         through_edges=through_edges(mesh),
     )
-
-
-def triangle_areas(
-    points: Float[np.ndarray, "nodes 3"], faces: Int[np.ndarray, "faces 3"]
-) -> Float[np.ndarray, " faces"]:
-    """Area of each triangle [cm²]."""
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
-
-
-def edge_lengths(
-    points: Float[np.ndarray, "nodes 3"], edges: Int[np.ndarray, "edges 2"]
-) -> Float[np.ndarray, " edges"]:
-    """Length of each edge [cm]."""
-    return np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
 
 
 def _measures(mesh: Mesh, region: Region) -> dict[str, Spread]:

@@ -16,11 +16,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from jaxfsi.faces import boundary_of, face_table, find_rows
+from jaxfsi.measures import enclosed_volume
 from jaxfsi.mesh import OUTER_WALL, RING_SUFFIX, Mesh, Region, tet_volumes
 from jaxfsi.mesh_checks import cell_faults, element_faults, is_crowded, label_faults, place
 from jaxfsi.mesh_parts import used_nodes
 from jaxfsi.meshing.labels import face_components
-from jaxfsi.meshing.surface.topology import SurfaceTopology, enclosed_volume, surface_topology
+from jaxfsi.meshing.surface.topology import SurfaceTopology, surface_topology
 
 _VOLUME_TOLERANCE = 1e-9  # round-off of a sum over 1e6 faces, relative
 _OUTSIDE = -1e-9  # barycentric coordinate below which a node lies off a tetrahedron

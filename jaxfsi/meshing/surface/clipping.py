@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from jaxfsi.measures import triangle_areas
 from jaxfsi.meshing.surface.isosurface import Surface
 from jaxfsi.opening import Opening
 
@@ -61,7 +62,7 @@ def _clip(
     component = _components(len(points), triangles)[triangles[:, 0]]
     at_opening = [np.unique(component[_touching(points, triangles, o)]) for o in openings]
     count = np.bincount(np.concatenate(at_opening), minlength=component.max() + 1)
-    area = np.bincount(component, weights=_areas(points, triangles))
+    area = np.bincount(component, weights=triangle_areas(points, triangles))
     main = int(np.lexsort((area, count))[-1])
     for opening, touching in zip(openings, at_opening, strict=True):
         if main not in touching:
@@ -202,13 +203,6 @@ def _components(
     ones = np.ones(len(edges), dtype=np.int8)
     graph = coo_array((ones, (edges[:, 0], edges[:, 1])), shape=(count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
-
-
-def _areas(
-    points: Float[np.ndarray, "points 3"], triangles: Int[np.ndarray, "triangles 3"]
-) -> Float[np.ndarray, " triangles"]:
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
 
 def _border_edges(triangles: Int[np.ndarray, "triangles 3"]) -> Int[np.ndarray, "edges 2"]:

@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxfsi.anatomy import Anatomy
+from jaxfsi.anatomy.surfaces.crossings import crossing_faces
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Region
 from jaxfsi.mesh_checks import place
 from jaxfsi.meshing.isolate import MeshingError
 from jaxfsi.meshing.surface.caps import annulus, disc
 from jaxfsi.meshing.surface.clipping import ClippedSurface
-from jaxfsi.meshing.surface.intersections import crossing_triangles
 from jaxfsi.meshing.surface.projection import triangle_qualities
 from jaxfsi.meshing.surface.sizes import SizeField
 from jaxfsi.meshing.surface.topology import surface_topology
@@ -129,7 +129,7 @@ def check_complex(complex_: Complex, anatomy: Anatomy, *, least_quality: float) 
     outside = _outside(complex_, anatomy)
     if outside:
         faults.append(f"{outside} triangles of lumen or wall lie on the wrong side of the other")
-    crossing = crossing_triangles(complex_.points, complex_.triangles)
+    crossing = np.unique(crossing_faces(complex_.points, complex_.triangles)[:, 1])
     if len(crossing):
         at = complex_.points[complex_.triangles[crossing[0]]].mean(axis=0)
         faults.append(f"{len(crossing)} triangles cut others, the first at {place(at)}")

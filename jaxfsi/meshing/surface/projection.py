@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from jaxfsi.anatomy.anatomy import PointFunction
 from jaxfsi.faces import unique_rows
+from jaxfsi.measures import triangle_areas, triangle_normals
 from jaxfsi.meshing.surface.isosurface import Surface
 
 _ITERATIONS = 4
@@ -34,21 +35,13 @@ def gradients(
     return ((values[:3] - values[3:]) / (2.0 * step)).T
 
 
-def triangle_normals(
-    points: Float[np.ndarray, "points 3"], triangles: Int[np.ndarray, "triangles 3"]
-) -> Float[np.ndarray, "triangles 3"]:
-    """Normals of twice the area of the triangles [cm²]."""
-    a, b, c = (points[triangles[:, i]] for i in range(3))
-    return np.cross(b - a, c - a)
-
-
 def triangle_qualities(
     points: Float[np.ndarray, "points 3"], triangles: Int[np.ndarray, "triangles 3"]
 ) -> Float[np.ndarray, " triangles"]:
     """4√3 area / (sum of squared edges): 1 for equilateral triangles, 0 for slivers."""
     corners = points[triangles]
     sides = corners - corners[:, [1, 2, 0]]
-    area = 0.5 * np.linalg.norm(triangle_normals(points, triangles), axis=1)
+    area = triangle_areas(points, triangles)
     return 4.0 * np.sqrt(3.0) * area / np.maximum(np.sum(sides**2, axis=(1, 2)), 1e-300)
 
 

@@ -22,6 +22,7 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from jaxfsi.anatomy import Anatomy
+from jaxfsi.measures import triangle_areas
 from jaxfsi.meshing.surface.isosurface import Surface
 from jaxfsi.meshing.surface.projection import gradients
 
@@ -140,7 +141,7 @@ class SurfaceSamples(NamedTuple):
 def sample_surface(anatomy: Anatomy, surface: Surface) -> SurfaceSamples:
     """Sample the part of the lumen's surface that lies inside the openings."""
     a, b, c = (surface.points[surface.triangles[:, i]] for i in range(3))
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    area = triangle_areas(*surface)
     centre = (a + b + c) / 3.0
     kept = ~beyond_openings(anatomy, centre)
     area, centre = area[kept], centre[kept]

@@ -17,7 +17,8 @@ from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from jaxfsi.faces import triangle_edges, unique_rows
+from jaxfsi.faces import corner_fans, triangle_edges, unique_rows
+from jaxfsi.measures import enclosed_volume
 from jaxfsi.mesh_parts import used_nodes
 
 
@@ -56,38 +57,6 @@ class SurfaceTopology(NamedTuple):
         )
 
 
-def enclosed_volume(
-    points: Float[np.ndarray, "nodes 3"], faces: Int[np.ndarray, "faces 3"]
-) -> float:
-    """Volume inside outward triangles [cm³], ⅙ Σ det(a, b, c) about a point among them."""
-    if len(faces) == 0:
-        return 0.0
-    a, b, c = (points[faces[:, i]] - points[faces[0, 0]] for i in range(3))
-    return float(np.einsum("ij,ij->", np.cross(a, b), c)) / 6.0
-
-
-def _fans(faces: Int[np.ndarray, "faces 3"], pair: Int[np.ndarray, "pairs 2"]) -> np.ndarray:
-    """Fan of triangles that each corner belongs to: two triangles at an edge join at both ends.
-
-    Args:
-        faces: triangles; corner 3 f + i is node i of triangle f.
-        pair: half-edges 3 f + i, from node i to node i + 1 of triangle f, that share one edge.
-    """
-    first, second = pair[:, 0], pair[:, 1]
-    nodes = faces.reshape(-1)
-
-    def ending(half: np.ndarray) -> np.ndarray:
-        return half // 3 * 3 + (half % 3 + 1) % 3
-
-    opposed = nodes[first] == nodes[ending(second)]
-    start = np.where(opposed, ending(second), second)
-    end = np.where(opposed, second, ending(second))
-    rows = np.concatenate([first, ending(first)])
-    columns = np.concatenate([start, end])
-    graph = csr_array((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(nodes.size,) * 2)
-    return connected_components(graph, directed=False)[1]
-
-
 def surface_topology(
     points: Float[np.ndarray, "nodes 3"], faces: Int[np.ndarray, "faces 3"]
 ) -> SurfaceTopology:
@@ -107,7 +76,7 @@ def surface_topology(
     by_edge = np.argsort(which, kind="stable")
     start = np.concatenate([[0], np.cumsum(count)[:-1]])[count == 2]
     pairs = np.stack([by_edge[start], by_edge[start + 1]], axis=1)
-    fan = _fans(faces, pairs)
+    fan = corner_fans(faces, pairs)
     corners, _ = unique_rows(np.column_stack([fan, faces.reshape(-1)]))
     nodes, fans_of_node = np.unique(corners[:, 1], return_counts=True)
     pinched = nodes[fans_of_node > 1]

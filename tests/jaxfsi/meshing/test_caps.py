@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import Opening
+from jaxfsi.measures import triangle_normals
 from jaxfsi.meshing.isolate import MeshingError
 from jaxfsi.meshing.surface.caps import annulus, disc
-from jaxfsi.meshing.surface.projection import triangle_normals, triangle_qualities
+from jaxfsi.meshing.surface.projection import triangle_qualities
 from jaxfsi.meshing.surface.sizes import SizeField, grown_field
 
 NORMAL = np.array([1.0, 2.0, 2.0]) / 3.0

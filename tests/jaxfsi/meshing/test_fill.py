@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from jaxfsi.faces import boundary_of
+from jaxfsi.measures import enclosed_volume
 from jaxfsi.mesh import Region, tet_volumes
 from jaxfsi.meshing import BACKENDS, MeshingError, Surface, fill_surfaces, tube
 from jaxfsi.meshing.isolate import NativeCall, native_call, run_all_isolated, run_isolated
-from jaxfsi.meshing.surface.topology import enclosed_volume
 from jaxfsi.meshing.volume.layers import split_spanning_edges
 
 INSTALLED = {name for name in BACKENDS if importlib.util.find_spec(name) is not None}

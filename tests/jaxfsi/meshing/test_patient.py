@@ -8,10 +8,10 @@ import pytest
 
 from jaxfsi.anatomy import Anatomy, ivus_anatomy
 from jaxfsi.faces import boundary_of
+from jaxfsi.measures import enclosed_volume
 from jaxfsi.mesh import INTERFACE, Region
 from jaxfsi.meshing import MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
-from jaxfsi.meshing.surface.topology import enclosed_volume
 from study import demo_case_path
 
 BUNDLED = demo_case_path().parent

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from jaxfsi.meshing.surface.intersections import crossing_triangles
+from jaxfsi.anatomy.surfaces.crossings import crossing_faces
+from jaxfsi.measures import triangle_normals
 from jaxfsi.meshing.surface.isosurface import Surface
 from jaxfsi.meshing.surface.projection import (
     balance,
     gradients,
     guarded_move,
     project,
-    triangle_normals,
     triangle_qualities,
 )
 
@@ -104,7 +104,7 @@ def test_sheets_that_cut_each_other_are_found(height, crosses):
     tilted = flat.points @ np.array([[1.0, 0.0, 0.3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     points = np.concatenate([flat.points, tilted + np.array([0.013, 0.021, height])])
     triangles = np.concatenate([flat.triangles, flat.triangles + len(flat.points)])
-    found = crossing_triangles(points, triangles)
+    found = np.unique(crossing_faces(points, triangles)[:, 1])
     assert bool(len(found)) == crosses
     if crosses:
         # The sheets meet at x = −height/0.3; triangles there are 0.18 wide.
@@ -113,4 +113,4 @@ def test_sheets_that_cut_each_other_are_found(height, crosses):
 
 
 def test_sheet_alone_does_not_cut_itself():
-    assert len(crossing_triangles(*project(grid(), dome))) == 0
+    assert len(crossing_faces(*project(grid(), dome))) == 0

@@ -4,6 +4,8 @@ import os
 import pathlib
 import sys
 
+import platformdirs
+
 VARIABLE = "JAXFSI_CACHE_DIR"
 """Environment variable with another folder for the cache, or `off`."""
 
@@ -17,16 +19,10 @@ def cache_folder() -> pathlib.Path | None:
     if named is not None:
         return None if named.strip().lower() in ("", "0", "off", "none") else pathlib.Path(named)
     try:
-        home = pathlib.Path.home()
+        folder = platformdirs.user_cache_path("jaxfsi", appauthor=False, opinion=False)
     except RuntimeError:
         return None
-    if sys.platform == "darwin":
-        base = home / "Library/Caches"
-    elif sys.platform == "win32":
-        base = pathlib.Path(os.environ.get("LOCALAPPDATA") or home / "AppData/Local")
-    else:
-        base = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
-    return base / "jaxfsi"
+    return folder if folder.is_absolute() else None
 
 
 def use_cache() -> pathlib.Path | None:

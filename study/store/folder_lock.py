@@ -1,32 +1,35 @@
-"""A folder in which one process at a time is at work.
+"""A folder in which one process at a time is at work, by `filelock`.
 
 The lock is the operating system's (`flock`), on a file in the folder: it is gone with the process,
 however that ends. On a shared file system it holds as far as that carries such locks: between hosts
 on NFS, but within one host alone where it is mounted with local locks. Where the file system has no
-locks at all, `study.store.lock_holder` stands a file for one.
+locks at all, a file that names host and process stands for one: one whose process is gone is
+replaced on the same host; one of another host cannot be judged from here.
 """
 
 import contextlib
 import errno
 import os
 import pathlib
-import stat
+import time
 from collections.abc import Callable, Iterator
 
-from study.case.faults import CaseError
-from study.store.lock_holder import BUSY, HOLDER_FILE, WAIT, hold, lock_refusal
+from filelock import FileLock, SoftFileLock, Timeout
 
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
+from study.case.faults import CaseError, Fault
 
 LOCK_FILE = ".at-work"
+HOLDER_FILE = ".at-work-by"
 
-_TAKEN = (errno.EWOULDBLOCK, errno.EAGAIN)
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
 _TRIES = 20
+_PATIENCE = 0.2  # seconds in which a lock that is just being given back becomes free
+_ALL_MAY_LOCK = 0o666  # the folder's other users too
+_BUSY = "another jaxfsi is at work in this folder"
+_WAIT = "wait until it ends, end it, or name another folder with --out"
+_OURS = "where jaxfsi keeps the lock of its folder"
 _ELSEWHERE = "remove it, or name another folder with --out"
+_DISK = "check the disk, the network and the folder's permissions, or name another one with --out"
 
 Release = Callable[[], None]
 """Gives a lock back."""
@@ -62,108 +65,91 @@ def _locked(folder: pathlib.Path, tell: Callable[[str], None] | None) -> Release
     path = folder / LOCK_FILE
     for _ in range(_TRIES):
         folder.mkdir(parents=True, exist_ok=True)
-        if fcntl is None:
-            return _held(folder, "this system has no such locks", tell)
+        _check_kind(path)
+        held: list[os.stat_result] = []
+        lock = FileLock(
+            path,
+            timeout=_PATIENCE,
+            mode=_ALL_MAY_LOCK,
+            thread_local=False,
+            fallback_to_soft=False,
+            on_acquired=lambda handle, held=held: held.append(os.fstat(handle)),
+        )
         try:
-            handle = _opened(path)
-        except FileNotFoundError:  # another process has just removed the folder that it had made
-            continue
-        try:
-            without = _flock(path, handle)
-            current = _lies_at(path, handle)
-        except BaseException:
-            os.close(handle)
-            raise
-        if not without and current:
-            return lambda: _give_back(path, handle)
-        if without:
-            _give_back(path, handle)
-            return _held(folder, without, tell)
-        os.close(handle)
-    raise lock_refusal(path, "vanishes again and again", "name another folder with --out")
-
-
-def _opened(path: pathlib.Path) -> int:
-    """The lock's file, made if needed, never through a link; its content stays as it is.
-
-    Raises:
-        CaseError: it is no regular file, or cannot be opened.
-        FileNotFoundError: its folder has gone.
-    """
-    flags = os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    try:
-        try:
-            handle = os.open(path, flags | os.O_RDWR, 0o666)
-        except PermissionError:  # the file of another user of the folder
-            handle = os.open(path, flags | os.O_RDONLY, 0o666)
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise _unusable(path, error.strerror or str(error)) from None
-    if not stat.S_ISREG(os.fstat(handle).st_mode):
-        os.close(handle)
-        raise _unusable(path, "no regular file")
-    return handle
-
-
-def _unusable(path: pathlib.Path, reason: str) -> CaseError:
-    kinds = ((path.is_symlink(), "a link"), (path.is_dir(), "a folder"))
-    kind = next((name for holds, name in kinds if holds), "")
-    if not kind and path.exists() and not path.is_file():
-        kind = "no regular file"
-    if kind:
-        return lock_refusal(path, f"{kind}, where jaxfsi keeps the lock of its folder", _ELSEWHERE)
-    cure = "check its permissions, or name another folder with --out"
-    return lock_refusal(path, f"the folder cannot be locked: {reason}", cure)
-
-
-def _flock(path: pathlib.Path, handle: int) -> str:
-    """Lock an open file; says why where the file system has no locks, else nothing.
-
-    Raises:
-        CaseError: another process holds the lock, or the file system failed.
-    """
-    assert fcntl is not None
-    while True:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return ""
-        except InterruptedError:
-            continue
+            lock.acquire()
+        except (FileNotFoundError, InterruptedError):
+            continue  # another process has just removed the folder that it had made, or a signal
+        except Timeout:
+            raise _refusal(folder, _BUSY, _WAIT) from None
         except OSError as error:
-            if error.errno in _TAKEN:
-                raise lock_refusal(path.parent, BUSY, WAIT) from None
             reason = error.strerror or str(error)
             if error.errno in _WITHOUT_LOCKS:
-                return reason
-            cure = "check the disk or the network, or name another folder with --out"
-            raise lock_refusal(path, f"the folder cannot be locked: {reason}", cure) from None
+                _remove_empty(path)
+                return _marked(folder, reason, tell)
+            _check_kind(path)
+            raise _refusal(path, f"the folder cannot be locked: {reason}", _DISK) from None
+        return lambda: _give_back(lock, path, held[0])
+    raise _refusal(path, "vanishes again and again", "name another folder with --out")
 
 
-def _lies_at(path: pathlib.Path, handle: int) -> bool:
-    """Whether an open file is the one that lies at a path now."""
-    try:
-        there = os.stat(path, follow_symlinks=False)
-    except FileNotFoundError:
-        return False
-    return os.path.samestat(there, os.fstat(handle))
-
-
-def _give_back(path: pathlib.Path, handle: int) -> None:
+def _give_back(lock: FileLock, path: pathlib.Path, held: os.stat_result) -> None:
     """Remove the file while it is locked: whoever has opened it sees that it lies there no more."""
     with contextlib.suppress(OSError):
-        if _lies_at(path, handle) and os.fstat(handle).st_size == 0:
+        if os.path.samestat(path.lstat(), held):
+            _remove_empty(path)
+    lock.release()
+
+
+def _remove_empty(path: pathlib.Path) -> None:
+    """Remove a file without content: what holds something is none of ours."""
+    with contextlib.suppress(OSError):
+        if path.lstat().st_size == 0:
             path.unlink()
-    os.close(handle)
 
 
-def _held(folder: pathlib.Path, why: str, tell: Callable[[str], None] | None) -> Release:
+def _marked(folder: pathlib.Path, why: str, tell: Callable[[str], None] | None) -> Release:
     """A file stands for the lock."""
-    path = hold(folder)
+    path = folder / HOLDER_FILE
+    _check_kind(path)
+    lock = SoftFileLock(path, timeout=_PATIENCE, mode=_ALL_MAY_LOCK, thread_local=False)
+    try:
+        lock.acquire()
+    except Timeout:
+        cure = f"{_WAIT}; if it has ended, remove {path}"
+        raise _refusal(folder, f"{_BUSY} ({_holder(path)})", cure) from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise _refusal(path, f"the folder cannot be locked: {reason}", _DISK) from None
     if tell is not None:
         tell(
             f"no locks in {folder} ({why}): the file {HOLDER_FILE} stands for one; should this "
             "process be killed, another host cannot know that it has ended"
         )
+    return lock.release
 
-    return lambda: path.unlink(missing_ok=True)
+
+def _holder(path: pathlib.Path) -> str:
+    """Who holds a file that stands for a lock, as `filelock` puts it down: process, host, ..."""
+    process, host, since = "unknown", "unknown", "unknown"
+    with contextlib.suppress(OSError, ValueError):
+        since = time.strftime("%Y-%m-%d %H:%M:%S %z", time.localtime(path.lstat().st_mtime))
+        process, host, *_ = path.read_text(encoding="utf-8").splitlines()
+    return f"process {process} on {host} since {since}"
+
+
+def _check_kind(path: pathlib.Path) -> None:
+    """Refuse what is no file in the place of a lock's file; links are not followed.
+
+    Raises:
+        CaseError: says what lies there.
+    """
+    kinds = ((path.is_symlink(), "a link"), (path.is_dir(), "a folder"))
+    kind = next((name for holds, name in kinds if holds), "")
+    if not kind and path.exists() and not path.is_file():
+        kind = "no regular file"
+    if kind:
+        raise _refusal(path, f"{kind}, {_OURS}", _ELSEWHERE)
+
+
+def _refusal(path: pathlib.Path, problem: str, cure: str) -> CaseError:
+    return CaseError([Fault(path, "", None, problem, "", cure)])

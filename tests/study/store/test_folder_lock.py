@@ -1,7 +1,6 @@
 """One process at a time in a folder: locks of the system, and the file that stands for one."""
 
 import errno
-import json
 import os
 import pathlib
 import platform
@@ -11,8 +10,7 @@ import sys
 import pytest
 
 from study.case.faults import CaseError
-from study.store.folder_lock import LOCK_FILE, at_work
-from study.store.lock_holder import HOLDER_FILE
+from study.store.folder_lock import HOLDER_FILE, LOCK_FILE, at_work
 
 fcntl = pytest.importorskip("fcntl", reason="this system has no such locks")
 
@@ -80,7 +78,7 @@ def _failing(monkeypatch, *errors):
             raise OSError(waiting[0], os.strerror(waiting.pop(0)))
         return flock(handle, how)
 
-    monkeypatch.setattr("study.store.folder_lock.fcntl.flock", fail)
+    monkeypatch.setattr(fcntl, "flock", fail)
 
 
 def test_failing_disk_is_no_other_process(tmp_path, monkeypatch):
@@ -115,8 +113,9 @@ def test_file_stands_for_a_lock_where_there_are_none(tmp_path, monkeypatch, erro
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["result.json"]
 
 
-def _holder(**changes) -> str:
-    return json.dumps({"host": platform.node(), "process": os.getpid(), "begun": 1, **changes})
+def _holder(process=None, host=None, begun=1) -> str:
+    """As the library puts it down: process, host and when the process began."""
+    return f"{process or os.getpid()}\n{host or platform.node()}\n{begun}\n"
 
 
 def _ended_process() -> int:
@@ -133,7 +132,7 @@ def test_file_that_a_killed_process_left_is_replaced(tmp_path, monkeypatch, stal
     (tmp_path / HOLDER_FILE).write_text(left)
     _failing(monkeypatch, errno.ENOLCK)
     with at_work(tmp_path):
-        assert json.loads((tmp_path / HOLDER_FILE).read_text())["process"] == os.getpid()
+        assert (tmp_path / HOLDER_FILE).read_text().split()[0] == str(os.getpid())
     assert not (tmp_path / HOLDER_FILE).exists()
 
 

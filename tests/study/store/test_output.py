@@ -139,3 +139,10 @@ def test_cache_lies_in_the_users_cache_folder(monkeypatch, tmp_path):
 def test_cache_can_be_moved_or_switched_off(monkeypatch, value, expected):
     monkeypatch.setenv(VARIABLE, value)
     assert cache_folder() == (None if expected is None else pathlib.Path(expected))
+
+
+def test_no_cache_without_a_home(monkeypatch):
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)  # as where there is none
+    assert cache_folder() is None

@@ -48,11 +48,12 @@ PACKAGES = ("lumped", "jaxfsi", "calibration", "diagnosis", "study")
 PARTS: dict[str, tuple[str, ...]] = {
     "anatomy": (
         "jaxfsi/anatomy/*", "jaxfsi/contours.py", "jaxfsi/faces.py", "jaxfsi/lumen.py",
-        "jaxfsi/opening.py", "jaxfsi/text_files.py", "study/run/anatomy_source.py",
+        "jaxfsi/measures.py", "jaxfsi/opening.py", "jaxfsi/text_files.py",
+        "study/run/anatomy_source.py",
     ),
     "meshing": (
-        "jaxfsi/mesh.py", "jaxfsi/mesh_checks.py", "jaxfsi/mesh_files/*", "jaxfsi/mesh_parts.py",
-        "jaxfsi/meshing/*", "study/run/mesh.py",
+        "jaxfsi/measures.py", "jaxfsi/mesh.py", "jaxfsi/mesh_checks.py", "jaxfsi/mesh_files/*",
+        "jaxfsi/mesh_parts.py", "jaxfsi/meshing/*", "study/run/mesh.py",
     ),
     "mesh report": (
         "study/run/mesh.py", "study/run/mesh_pictures.py",
@@ -94,6 +95,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 WITHOUT_NUMBERS: tuple[str, ...] = (
     "jaxfsi/verification/*", "lumped/lazy_package.py", "lumped/svzerod*", "lumped/verification.py",
+    "lumped/whole_files.py",
     "study/case/advice.py", "study/case/demo.py", "study/case/faults.py",
     "study/case/template.py", "study/case/toml_file.py",
     "study/cli/*",

@@ -35,11 +35,11 @@ from lumped import (
     scale_resistances,
     waveform_mean,
 )
+from lumped.nominal import C0_NOMINAL, NOMINAL
 from lumped.parameters import Parameter, in_range, is_traced, nan_unless, only_if
 from lumped.periodic_solution import mean_start, rest_state
 from lumped.results import as_result, is_successful
 from lumped.sources import PressureSource
-from lumped.surrogate import C0_NOMINAL, NOMINAL
 
 TOLERANCE = 1e-13
 """Of 1/α and 1/ratio, relative; Newton's last step is quadratic, so this is round-off."""

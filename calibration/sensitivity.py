@@ -35,8 +35,8 @@ from lumped import (
     metrics,
     solve_periodic,
 )
+from lumped.nominal import NOMINAL
 from lumped.parameters import Parameter
-from lumped.surrogate import NOMINAL
 
 REST_RULE = StressRule(R_2=1.0, C_a=1.0, C_im=1.0, R_distal=1.0, C=1.0)
 """The stress rule that changes nothing: at rest the same compiled function serves."""

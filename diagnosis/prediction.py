@@ -35,8 +35,8 @@ from diagnosis.circuit import (
 )
 from diagnosis.effects import Effect, apply_effects
 from diagnosis.measured import SENSORS, Measured
+from lumped.nominal import C0_NOMINAL, NOMINAL
 from lumped.stress import PRINTED, stress_rule
-from lumped.surrogate import C0_NOMINAL, NOMINAL
 from lumped.units import MMHG, MMHG_S_PER_ML
 from lumped.waveforms import AorticPressure, VentricularPressure
 

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 
 from lumped.blocks import Coronary
 from lumped.network import Network, connect
+from lumped.nominal import C0_NOMINAL, NOMINAL
 from lumped.parameters import (
     Parameter,
     Range,
@@ -36,12 +37,6 @@ from lumped.stress import StressRule, scale_resistances
 from lumped.units import MMHG
 from lumped.vessels import Vessel
 from lumped.waveforms import AbstractWaveform, AorticPressure, VentricularPressure
-
-NOMINAL = {"R_1": 3.1992e4, "R_2": 6.3984e4, "R_3": 2.666e5, "C_a": 4.5e-7, "C_im": 3e-6}
-"""Nominal coronary parameters of Puelz et al. 2024 (after Arthurs et al. 2016), CGS."""
-
-C0_NOMINAL = 1e-7
-"""Nominal compliance of the 3D part of the surrogate [cm⁵/dyn], Puelz et al. 2024."""
 
 
 class Condition(eqx.Module):

@@ -15,24 +15,27 @@ if TYPE_CHECKING:
         SyntheticAnatomy,
     )
     from study.case.beat import Beat
+    from study.case.condition import Condition
     from study.case.demo import demo_case_path
     from study.case.faults import CaseError, Fault
     from study.case.model import (
         REQUIREMENTS,
-        BloodParameters,
         Case,
-        Condition,
+        read_case,
+        require,
+    )
+    from study.case.parameters import (
+        BloodParameters,
         CoronaryParameters,
         MeshOptions,
         SolverOptions,
         StressParameters,
         SurrogateParameters,
+        TissueParameters,
         WallParameters,
-        read_case,
-        require,
+        WindkesselParameters,
     )
-    from study.case.record_template import record_template
-    from study.case.template import case_template
+    from study.case.template import case_template, record_template
     from study.report.page import html_report
     from study.report.remarks import Note, notes, verdict
     from study.report.results import case_document

@@ -222,7 +222,7 @@ def write_record(
 
     Args:
         folder: of the record, named as its id; made if needed.
-        prior: lines of the table [prior].
+        prior: lines of the table [surrogate].
         settings: the conditions in order of acquisition.
         rng: gives the noise.
         sd: noise of the mean beat [mmHg].
@@ -232,12 +232,12 @@ def write_record(
         clock: how it is recorded, see `Cases.write`.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    lines = [f'id = "{folder.name}"']
+    lines = ["[patient]", f'id = "{folder.name}"']
     if state:
         lines += ["[noise]", f"pressure_sd_mmHg = {sd}",
                   f"pressure_offset_sd_mmHg = {max(offset, 0.01)}",
                   "flow_relative_sd = 0.05", "ffr_sd = 0.01"]  # fmt: skip
-    lines += ["[prior]", *prior]
+    lines += ["[surrogate]", *prior]
     for c, (name, drug, held_out, T, (high, low), traces) in enumerate(settings):
         pressures = {n: traces[n] for n in ("P_aorta", "P_distal")}
         if clock is not None:
@@ -255,12 +255,12 @@ def write_record(
         ffr = means["P_distal"] / means["P_aorta"] + 0.01 * rng.standard_normal()
         flow = traces["Q"].mean() * 60.0 * (1.0 + 0.05 * rng.standard_normal())
         lines += [
-            "[[condition]]", f'name = "{name}"', f'drug = "{drug}"', f"order = {c}",
+            f"[condition.{name}]", f'drug = "{drug}"', f"order = {c}",
             f"held_out = {'true' if held_out else 'false'}", f"period_s = {T:.6g}",
             f"P_systolic_mmHg = {high:.5g}", f"P_diastolic_mmHg = {low:.5g}",
             f"mean_P_aorta_mmHg = {means['P_aorta']:.6g}",
             f"mean_P_distal_mmHg = {means['P_distal']:.6g}", f"ffr = {ffr:.5g}",
-            f"mean_flow_ml_per_min = {flow:.6g}", f'file = "{name}.csv"',
+            f"mean_flow_ml_per_min = {flow:.6g}", f'waveform = "{name}.csv"',
         ]  # fmt: skip
         columns = np.stack([t, noisy["P_aorta"], noisy["P_distal"]], axis=1)
         rows = "\n".join(",".join(f"{v:.7g}" for v in row) for row in columns)

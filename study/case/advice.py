@@ -21,11 +21,11 @@ _LARGEST_CONVERTED = 1e200
 _CLOSE = 0.6
 """Part of two names that must agree: prestress and support_stiffness share 0.54."""
 
-_PYTHON_ALONE = {
-    ("support", "tissue"): "tissue outside the wall has no key in a case file; in Python it is"
-    " jaxfsi.core.laws.solid.Wall(..., support_stiffness=..., support_damping=...). Remove it",
+_IN_PYTHON = {
+    ("support", "tissue"): "tissue outside the wall stands in a table of its own, [tissue], with"
+    " stiffness_dyn_per_cm3 and damping_dyn_s_per_cm3",
 }
-"""What input files do not take and Python does, by how its names begin."""
+"""Where a case file has what Python calls otherwise, by how the names begin."""
 
 
 def nearest(name: str, candidates: Sequence[str]) -> str | None:
@@ -36,9 +36,9 @@ def nearest(name: str, candidates: Sequence[str]) -> str | None:
     return lower[found[0]] if found else None
 
 
-def python_alone(name: str) -> str | None:
-    """The cure for a name of the Python interface that input files do not take."""
-    cures = (cure for starts, cure in _PYTHON_ALONE.items() if name.lower().startswith(starts))
+def named_in_python(name: str) -> str | None:
+    """The cure for a name of the Python interface that input files spell otherwise."""
+    cures = (cure for starts, cure in _IN_PYTHON.items() if name.lower().startswith(starts))
     return next(cures, None)
 
 
@@ -99,7 +99,7 @@ def range_cure(key: Quantity, value: float) -> str:
 
 def _strangeness(value: float, key: Quantity) -> float:
     """Distance in log space from a usual value: the default, or the middle of the range."""
-    usual = key.default or math.sqrt(abs(key.low * key.high)) or abs(key.high)
+    usual = key.usual or math.sqrt(abs(key.low * key.high)) or abs(key.high)
     ratio = abs(value / usual)
     return abs(math.log(ratio)) if ratio else math.inf
 

@@ -1,30 +1,54 @@
 """The anatomy of a case, as its file describes it: four kinds, one of which a case may have."""
 
 import dataclasses
+import functools
+import math
 import pathlib
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic.dataclasses import dataclass
+
+from jaxfsi.anatomy.sources.parameters import PARAMETER_RANGES
+from jaxfsi.anatomy.sources.parameters import SyntheticAnatomy as Drawn
+from lumped.units import MM
+from study.case.parameters import Number
+from study.case.schema import Key, Location, Quantity, Word, keys_of
 
 FIRST_STATE = "rest_diastole"
 """State of contours that stand directly below [anatomy]."""
 
 Unit = Literal["mm", "cm"]
+LengthUnit = Annotated[Unit, Word(text="length unit of its coordinates")]
 Point = tuple[float, float, float]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class IvusState:
-    """Files of one ultrasound pullback in one phase of the heart cycle.
+    """Files of one ultrasound pullback in one phase of the heart cycle."""
 
-    Attributes:
-        contours: tab-separated frame, x, y, z in mm.
-        frame_table: order of the frames and measured tissue, if there is one.
-        reference_point: a point on the aortic side of a frame, if there is one.
-    """
-
-    contours: pathlib.Path
-    frame_table: pathlib.Path | None = None
-    reference_point: pathlib.Path | None = None
+    contours: Annotated[
+        pathlib.Path,
+        Location(
+            described="file of tab-separated frame, x, y, z in mm", text="beside this file",
+            example="contours.csv",
+        ),
+    ]  # fmt: skip
+    frame_table: Annotated[
+        pathlib.Path | None,
+        Location(
+            described="CSV file with frame, position (mm) and measurement_1 (mm)",
+            text="order of the frames, and the measured tissue between aorta and coronary",
+            example="frames.csv",
+        ),
+    ] = None
+    reference_point: Annotated[
+        pathlib.Path | None,
+        Location(
+            described="file with one line: frame, x, y, z in mm",
+            text="a point on the aortic side of a frame", example="reference.csv",
+        ),
+    ] = None  # fmt: skip
 
     @property
     def files(self) -> list[pathlib.Path]:
@@ -33,33 +57,61 @@ class IvusState:
         return [file for file in files if file is not None]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class IvusAnatomy:
-    """Lumen contours from intravascular ultrasound; None where a default is meant.
+    """Lumen contours from intravascular ultrasound, with the centre line of the vessel from CT.
 
-    Attributes:
-        states: pullbacks by name of the state, the one at rest in diastole first.
-        centerline: file of the centre line of the vessel from CT.
-        aorta_radius: radius of the aorta at the ostium [cm].
-        septum: tissue between the lumens [cm], where the frame table does not tell.
-        take_off_angle: angle between artery and aortic wall at the ostium [rad].
-        aorta_below: length of aorta upstream of the ostium [cm].
-        aorta_above: length of aorta downstream of the ostium [cm].
-        distal_extension: length added beyond the distal frame [cm].
-        fillet: blend radius of the edge of the ostium [cm].
-        ostium_end: which end of the centre line is the ostium.
+    Further pullbacks stand in tables [anatomy.states.NAME], named CONDITION_diastole or
+    CONDITION_systole; one that stands directly below [anatomy] is rest_diastole.
     """
 
     states: Mapping[str, IvusState]
-    centerline: pathlib.Path | None = None
-    aorta_radius: float | None = None
-    septum: float | None = None
-    take_off_angle: float | None = None
-    aorta_below: float | None = None
-    aorta_above: float | None = None
-    distal_extension: float | None = None
-    fillet: float | None = None
-    ostium_end: Literal["auto", "first", "last"] | None = None
+    centerline: Annotated[
+        pathlib.Path | None,
+        Location(
+            described="file of the CT centre line, x, y, z in mm",
+            text="a mesh needs it", example="centerline.csv",
+        ),
+    ] = None  # fmt: skip
+    aorta_radius: Annotated[
+        Number | None,
+        Quantity(
+            "length", "mm", 3.0, 30.0, text="radius at the ostium; a mesh needs it", example=14.0
+        ),
+    ] = None  # fmt: skip
+    septum: Annotated[
+        Number | None,
+        Quantity(
+            "length", "mm", 0.1, 10.0, text="tissue where no frame table tells it", example=0.8
+        ),
+    ] = None  # fmt: skip
+    take_off_angle: Annotated[
+        Number | None,
+        Quantity(
+            "angle", "deg", 10.0, 90.0, example=40.0,
+            text="between artery and aortic wall at the ostium",
+        ),
+    ] = None  # fmt: skip
+    aorta_below: Annotated[
+        Number | None,
+        Quantity("length", "mm", 5.0, 100.0, text="aorta upstream of the ostium", example=20.0),
+    ] = None
+    aorta_above: Annotated[
+        Number | None,
+        Quantity("length", "mm", 5.0, 100.0, text="aorta downstream of the ostium", example=20.0),
+    ] = None
+    distal_extension: Annotated[
+        Number | None,
+        Quantity("length", "mm", 0.0, 50.0, text="added beyond the distal frame", example=5.0),
+    ] = None
+    fillet: Annotated[
+        Number | None,
+        Quantity("length", "mm", 0.0, 3.0, text="blend radius of the ostium's edge", example=0.6),
+    ] = None
+    ostium_end: Annotated[
+        Literal["auto", "first", "last"] | None,
+        Word(text="end of the centre line that is the ostium", example="auto"),
+    ] = None
     kind: Literal["ivus"] = "ivus"
 
     @property
@@ -73,24 +125,24 @@ class IvusAnatomy:
         return self.first.contours
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SyntheticAnatomy:
-    """A drawn anatomy.
+    """A drawn anatomy; every length and angle that is not given is the usual one of that body."""
 
-    Attributes:
-        side: the anomalous artery.
-        body_surface_area_m2: size of the body [m²]; None is an adult of 1.9 m².
-        given: parameters of `jaxfsi.anatomy.SyntheticAnatomy` that differ from the usual ones of
-            that body, by name [cm, rad].
-    """
-
-    side: Literal["left", "right"] = "right"
-    body_surface_area_m2: float | None = None
+    side: Annotated[Literal["left", "right"], Word(text="the anomalous artery")] = "right"
+    body_surface_area_m2: Annotated[
+        Number | None,
+        Quantity(
+            "body surface", "m2", 0.3, 2.8, name="body_surface_area",
+            text="size of the body; absent: an adult of 1.9 m2", example=1.9,
+        ),
+    ] = None  # fmt: skip
     given: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """Parameters of `jaxfsi.anatomy.SyntheticAnatomy` that are given, by name [cm, rad]."""
     kind: Literal["synthetic"] = "synthetic"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SurfaceCut:
     """A plane to cut a vessel that has no flat end, in the unit of the surface."""
 
@@ -99,43 +151,61 @@ class SurfaceCut:
     radius: float
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class SurfaceAnatomy:
     """A segmented surface of the lumen.
 
-    Attributes:
-        surface: STL, PLY, OBJ or VTP file.
-        unit: length unit of its coordinates.
-        smoothing_steps: steps of smoothing; None: the usual number.
-        openings: a point near the middle of each vessel end, by the name it shall have [unit].
-        cuts: further openings, by name.
+    The table [anatomy.openings] names vessel ends, each by a point near its middle: aorta_inlet =
+    [x, y, z]; inlet and outlet (outlet_1, ...) are those of a coronary artery without the aorta,
+    for simulate. A table [anatomy.cuts.NAME] with centre, normal and radius cuts a vessel that has
+    no flat end.
     """
 
-    surface: pathlib.Path
-    unit: Unit
-    smoothing_steps: int | None = None
+    surface: Annotated[
+        pathlib.Path,
+        Location(described="STL, PLY, OBJ or VTP file of the lumen", example="lumen.stl"),
+    ]
+    unit: LengthUnit
+    smoothing_steps: Annotated[
+        int | None,
+        Quantity(
+            "number", "", 0.0, 200.0, whole=True, text="absent: the usual number", example=10
+        ),
+    ] = None  # fmt: skip
     openings: Mapping[str, Point] = dataclasses.field(default_factory=dict)
     cuts: Mapping[str, SurfaceCut] = dataclasses.field(default_factory=dict)
     kind: Literal["surface"] = "surface"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class MeshAnatomy:
     """A finished mesh: one file or folder, or a mesh-complete folder for each region.
 
-    Attributes:
-        unit: length unit of its coordinates.
-        path: vtu, msh or xdmf file; or a folder that holds ``fluid`` and ``solid``, or that is
-            itself the mesh-complete folder of the blood.
-        fluid: mesh-complete folder of the blood, in place of ``path``.
-        solid: mesh-complete folder of the wall.
-        labels: new label by name in the file: of an opening, a surface group or a surface file.
+    The table [anatomy.labels] renames openings and surfaces: OLD = "NEW".
     """
 
-    unit: Unit
-    path: pathlib.Path | None = None
-    fluid: pathlib.Path | None = None
-    solid: pathlib.Path | None = None
+    unit: LengthUnit
+    path: Annotated[
+        pathlib.Path | None,
+        Location(
+            folder=True, described="mesh folder, .vtu, .msh or .xdmf file", example="mesh.vtu",
+            text="a folder holds fluid and solid, or is the mesh-complete folder of the blood",
+        ),
+    ] = None  # fmt: skip
+    fluid: Annotated[
+        pathlib.Path | None,
+        Location(
+            folder=True, described="mesh-complete folder of the blood", text="in place of path",
+            example="fluid",
+        ),
+    ] = None  # fmt: skip
+    solid: Annotated[
+        pathlib.Path | None,
+        Location(
+            folder=True, described="mesh-complete folder of the wall", text="beside fluid",
+            example="solid",
+        ),
+    ] = None  # fmt: skip
     labels: Mapping[str, str] = dataclasses.field(default_factory=dict)
     kind: Literal["mesh"] = "mesh"
 
@@ -146,3 +216,57 @@ class MeshAnatomy:
 
 
 Anatomy = IvusAnatomy | SyntheticAnatomy | SurfaceAnatomy | MeshAnatomy
+
+_UNITS = {"cm": ("length", "mm", 1.0 / MM), "rad": ("angle", "deg", 180.0 / math.pi)}
+
+
+def _parameter(name: str, low: float, high: float, unit: str) -> Quantity:
+    """Key of a parameter of the synthetic anatomy, in clinical units."""
+    dimension, clinical, factor = _UNITS.get(unit, ("number", "", 1.0))
+    if factor != 1.0:
+        low, high = round(low * factor, 6), round(high * factor, 6)
+    return Quantity(
+        dimension, clinical, low, high, name=name, field=name, required=False,
+        text=_described().get(name, ""),
+    )  # fmt: skip
+
+
+@functools.cache
+def _described() -> dict[str, str]:
+    """What `jaxfsi.anatomy.SyntheticAnatomy` says of each of its parameters."""
+    found, name = {}, ""
+    for line in (Drawn.__doc__ or "").partition("Attributes:")[2].splitlines():
+        start, colon, text = line.strip().partition(": ")
+        if colon and start.isidentifier():
+            name, found[start] = start, text
+        elif name:
+            found[name] += " " + line.strip()
+    return {name: text.partition(" [")[0].strip().rstrip(".") for name, text in found.items()}
+
+
+STATE = keys_of(IvusState)
+KINDS: dict[str, tuple[Key, ...]] = {
+    "ivus": (
+        *(dataclasses.replace(key, required=False) for key in STATE),
+        *keys_of(IvusAnatomy),
+    ),
+    "synthetic": (
+        *keys_of(SyntheticAnatomy),
+        *(
+            _parameter(name, *limits)
+            for name, limits in PARAMETER_RANGES.items()
+            if not name.startswith("thickness")
+        ),
+    ),
+    "surface": keys_of(SurfaceAnatomy),
+    "mesh": keys_of(MeshAnatomy),
+}
+"""Keys of each kind, besides its sub-tables."""
+
+MODELS = {
+    "ivus": IvusAnatomy,
+    "synthetic": SyntheticAnatomy,
+    "surface": SurfaceAnatomy,
+    "mesh": MeshAnatomy,
+}
+"""The class of each kind; its docstring introduces it."""

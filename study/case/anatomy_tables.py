@@ -1,4 +1,4 @@
-"""The [anatomy] table of a case file: its kinds, their keys, and how they must agree."""
+"""Reading the [anatomy] table of a case file: its kind, its sub-tables, and how they must agree."""
 
 import math
 import pathlib
@@ -6,82 +6,23 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from jaxfsi.anatomy.sources.parameters import PARAMETER_RANGES
-from lumped.units import MM
 from study.case.anatomy import (
     FIRST_STATE,
+    KINDS,
+    MODELS,
+    STATE,
     Anatomy,
-    IvusAnatomy,
     IvusState,
-    MeshAnatomy,
     Point,
-    SurfaceAnatomy,
     SurfaceCut,
-    SyntheticAnatomy,
 )
 from study.case.faults import shown_key
-from study.case.schema import Key, Location, Quantity, Value, Word
+from study.case.schema import Value, Word
 from study.case.table_reader import Context, check_order, read_table
 
-_UNITS = {"cm": ("length", "mm", 1.0 / MM), "rad": ("angle", "deg", 180.0 / math.pi)}
 _STATE = re.compile(r"[A-Za-z][A-Za-z0-9-]*_(diastole|systole)")
 _OPENING = re.compile(r"(?!interface$|outer_wall$)[A-Za-z][A-Za-z0-9_-]{0,39}(?<!_ring)")
 
-
-def _parameter(name: str, low: float, high: float, unit: str) -> Quantity:
-    """Key of a parameter of the synthetic anatomy, in clinical units."""
-    if unit not in _UNITS:
-        return Quantity(name, "number", "", low, high)
-    dimension, clinical, factor = _UNITS[unit]
-    return Quantity(name, dimension, clinical, round(low * factor, 6), round(high * factor, 6))
-
-
-_LENGTH_UNIT = Word("unit", ("mm", "cm"), required=True)
-_CONTOURS = Location("contours", described="file of tab-separated frame, x, y, z in mm")
-_PULLBACK = (
-    Location("frame_table", described="CSV file with frame, position (mm) and measurement_1 (mm)"),
-    Location("reference_point", described="file with one line: frame, x, y, z in mm"),
-)
-STATE: tuple[Key, ...] = (
-    Location("contours", required=True, described=_CONTOURS.described),
-    *_PULLBACK,
-)
-KINDS: dict[str, tuple[Key, ...]] = {
-    "ivus": (
-        _CONTOURS,
-        *_PULLBACK,
-        Location("centerline", described="file of the CT centre line, x, y, z in mm"),
-        Quantity("aorta_radius", "length", "mm", 3.0, 30.0),
-        Quantity("septum", "length", "mm", 0.1, 10.0),
-        Quantity("take_off_angle", "angle", "deg", 10.0, 90.0),
-        Quantity("aorta_below", "length", "mm", 5.0, 100.0),
-        Quantity("aorta_above", "length", "mm", 5.0, 100.0),
-        Quantity("distal_extension", "length", "mm", 0.0, 50.0),
-        Quantity("fillet", "length", "mm", 0.0, 3.0),
-        Word("ostium_end", ("auto", "first", "last")),
-    ),
-    "synthetic": (
-        Word("side", ("left", "right"), default="right"),
-        Quantity("body_surface_area", "body surface", "m2", 0.3, 2.8),
-        *(
-            _parameter(name, *limits)
-            for name, limits in PARAMETER_RANGES.items()
-            if not name.startswith("thickness")
-        ),
-    ),
-    "surface": (
-        Location("surface", required=True, described="STL, PLY, OBJ or VTP file of the lumen"),
-        _LENGTH_UNIT,
-        Quantity("smoothing_steps", "number", "", 0.0, 200.0, whole=True),
-    ),
-    "mesh": (
-        Location("path", folder=True, described="mesh folder, .vtu, .msh or .xdmf file"),
-        Location("fluid", folder=True, described="mesh-complete folder of the blood"),
-        Location("solid", folder=True, described="mesh-complete folder of the wall"),
-        _LENGTH_UNIT,
-    ),
-}
-"""Keys of each kind, besides its sub-tables."""
 
 SUB_TABLES = {
     "ivus": ("states",),
@@ -101,7 +42,7 @@ def read_anatomy(table: object, context: Context) -> Anatomy | None:
     if not isinstance(table, dict):
         read_table(table, "anatomy", (), context)
         return None
-    choice = Word("kind", tuple(KINDS), required=True)
+    choice = Word(name="kind", field="kind", options=tuple(KINDS), required=True)
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         read_table({"kind": kind} if "kind" in table else {}, "anatomy", (choice,), context)
@@ -110,15 +51,15 @@ def read_anatomy(table: object, context: Context) -> Anatomy | None:
     own = {name: value for name, value in table.items() if name not in below}
     values = read_table(own, "anatomy", (choice, *KINDS[kind]), context)
     del values["kind"]
-    anatomy = _READERS[kind](values, own, below, context)
-    return anatomy if len(context.faults) == before else None
+    parts = _READERS[kind](values, own, below, context)
+    return MODELS[kind](**parts) if len(context.faults) == before else None
 
 
 def _ivus(
     values: dict[str, Value], table: dict[str, Any], below: dict[str, Any], context: Context
-) -> IvusAnatomy:
+) -> dict[str, Any]:
     states: dict[str, IvusState] = {}
-    first = {key.name: values.pop(key.name) for key in STATE}
+    first = {key.field: values.pop(key.field) for key in STATE}
     if isinstance(first["contours"], pathlib.Path):
         states[FIRST_STATE] = IvusState(**first)  # pyright: ignore[reportArgumentType]
     for name, value in _entries(below, "states", context):
@@ -139,26 +80,26 @@ def _ivus(
             None,
             "required, but missing",
             "add contours = ... below [anatomy], or a table [anatomy.states.rest_diastole]",
-            _CONTOURS.allowed,
+            STATE[0].allowed,
         )
     ordered = sorted(states.items(), key=lambda entry: entry[0] != FIRST_STATE)
-    return IvusAnatomy(dict(ordered), **values)  # pyright: ignore[reportArgumentType]
+    return {"states": dict(ordered), **values}
 
 
 def _synthetic(
     values: dict[str, Value], table: dict[str, Any], below: dict[str, Any], context: Context
-) -> SyntheticAnatomy:
+) -> dict[str, Any]:
     check_order(
         values, "ostium_minor", "ostium_major", "anatomy", KINDS["synthetic"], table, context
     )
-    side, size = values.pop("side"), values.pop("body_surface_area")
+    side, size = values.pop("side"), values.pop("body_surface_area_m2")
     given = {name: value for name, value in values.items() if isinstance(value, float)}
-    return SyntheticAnatomy(side, size, given)  # pyright: ignore[reportArgumentType]
+    return {"side": side, "body_surface_area_m2": size, "given": given}
 
 
 def _surface(
     values: dict[str, Value], table: dict[str, Any], below: dict[str, Any], context: Context
-) -> SurfaceAnatomy | None:
+) -> dict[str, Any]:
     openings = {
         name: point
         for name, value in _named(below, "openings", context)
@@ -169,20 +110,12 @@ def _surface(
         cut = _cut(f"anatomy.cuts.{name}", value, context)
         if cut is not None:
             cuts[name] = cut
-    steps = values.pop("smoothing_steps")
-    if values["surface"] is None or values["unit"] is None:
-        return None
-    return SurfaceAnatomy(
-        **values,  # pyright: ignore[reportArgumentType]
-        smoothing_steps=int(steps) if isinstance(steps, float) else None,
-        openings=openings,
-        cuts=cuts,
-    )
+    return {**values, "openings": openings, "cuts": cuts}
 
 
 def _mesh(
     values: dict[str, Value], table: dict[str, Any], below: dict[str, Any], context: Context
-) -> MeshAnatomy | None:
+) -> dict[str, Any]:
     folders = [name for name in ("fluid", "solid") if name in table]
     if "path" in table and folders:
         cure = f"keep either path or {' and '.join(folders)}"
@@ -205,9 +138,7 @@ def _mesh(
             labels[name] = value
         else:
             context.add(place, value, "a text is expected here", f'write {name} = "outer_wall"')
-    if values["unit"] is None:
-        return None
-    return MeshAnatomy(**values, labels=labels)  # pyright: ignore[reportArgumentType]
+    return {**values, "labels": labels}
 
 
 def _holds_a_mesh(folder: pathlib.Path) -> bool:

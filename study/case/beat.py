@@ -30,8 +30,8 @@ _UNEVENNESS = 0.2
 _PEAK_FACTOR = 2.0
 """Beat and stated pressure may be of different minutes; a slip of unit is a larger factor."""
 
-_TIME = Quantity("time", "time", "s", -60.0, 60.0)
-_P_AORTA = Quantity("P_aorta", "pressure", "mmHg", 10.0, 350.0)
+_TIME = Quantity("time", "s", -60.0, 60.0, name="time")
+_P_AORTA = Quantity("pressure", "mmHg", 10.0, 350.0, name="P_aorta")
 
 
 @dataclasses.dataclass(frozen=True)

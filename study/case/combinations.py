@@ -83,7 +83,11 @@ def _check_venous(values: Mapping[str, Any], document: Mapping[str, Any], contex
 
 
 def check_recorded(
-    values: Mapping[str, Any], beats: Mapping[str, Any], heading: str, context: Context
+    values: Mapping[str, Any],
+    beats: Mapping[str, Any],
+    heading: str,
+    traces: str,
+    context: Context,
 ) -> None:
     """Refuse values of a recorded condition that do not go together; faults go to the context.
 
@@ -91,11 +95,12 @@ def check_recorded(
         values: of the condition [mmHg, mL/s, s].
         beats: beats of each sensor [mmHg, mL/s].
         heading: name of the condition's table.
+        traces: the key that names its file.
         context: where faults are collected.
     """
     _check_flow(values["mean_Q"], f"{heading}.mean_flow_ml_per_min", context)
     if "Q" in beats and values["mean_Q"] is None:
-        _check_flow(float(beats["Q"].mean()), f"{heading}.file, Q_coronary_ml_per_min", context)
+        _check_flow(float(beats["Q"].mean()), f"{traces}, Q_coronary_ml_per_min", context)
     _check_means(values, heading, context)
     aorta, distal = values["mean_P_aorta"], values["mean_P_distal"]
     if "P_aorta" in beats and "P_distal" in beats:

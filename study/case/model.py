@@ -8,197 +8,31 @@ import dataclasses
 import os
 import pathlib
 from collections.abc import Callable, Mapping
-from typing import Any, Literal
+from typing import Any
+
+from pydantic.dataclasses import dataclass
 
 from study.case.anatomy import Anatomy, IvusAnatomy
-from study.case.beat import Beat
+from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
+from study.case.parameters import (
+    BloodParameters,
+    CoronaryParameters,
+    MeshOptions,
+    SolverOptions,
+    StressParameters,
+    SurrogateParameters,
+    TissueParameters,
+    WallParameters,
+    WindkesselParameters,
+)
 from study.case.schema import FREE_TEXT
 from study.case.table_reader import Context
 from study.case.tables import key_homes, read_tables
 from study.case.toml_file import read_document
 
-Number = Any
-"""A float, or an array of JAX where a result is differentiated by it; cases do without JAX."""
 
-
-@dataclasses.dataclass(frozen=True)
-class BloodParameters:
-    """Newtonian blood: viscosity `mu` [poise] and density `rho_f` [g/cm³]."""
-
-    mu: float = 0.04
-    rho_f: float = 1.06
-
-
-@dataclasses.dataclass(frozen=True)
-class WallParameters:
-    """The vessel wall.
-
-    Attributes:
-        E: Young's modulus [dyn/cm²].
-        nu: Poisson's ratio [-].
-        rho_s: density [g/cm³].
-        material: elastic law in 3D.
-        element: elements of the wall in 3D: linear, or quadratic ones, which bend.
-        prestress: whether the shape in the image carries the diastolic pressure, or no stress.
-        thickness_per_radius: wall thickness over local lumen radius [-].
-        thickness_min: smallest thickness [cm], if bounded.
-        thickness_max: largest thickness [cm], if bounded.
-    """
-
-    E: float = 1.5e7
-    nu: float = 0.49
-    rho_s: float = 1.0
-    material: Literal["linear", "saint_venant_kirchhoff", "neo_hookean"] = "saint_venant_kirchhoff"
-    element: Literal["linear", "quadratic"] = "linear"
-    prestress: Literal["diastole", "none"] = "diastole"
-    thickness_per_radius: float = 0.1
-    thickness_min: float | None = None
-    thickness_max: float | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class Condition:
-    """One haemodynamic condition of the patient.
-
-    Attributes:
-        name: its name in the file.
-        kind: `rest` for the condition named so, `stress` for all others.
-        P_systolic: systolic aortic pressure [dyn/cm²]; an array where it is differentiated.
-        P_diastolic: diastolic aortic pressure [dyn/cm²].
-        period: length of the cardiac cycle [s].
-        cardiac_output: cardiac output [cm³/s], if known.
-        stroke_volume: stroke volume [cm³], if known.
-        ffr: measured ratio of the mean distal and aortic pressures [-], if known; at rest this is
-            the resting Pd/Pa.
-        ffr_sd: standard deviation of that ratio [-], if known.
-        waveform: a measured beat of aortic pressure, if there is one.
-    """
-
-    name: str
-    kind: Literal["rest", "stress"]
-    P_systolic: Number
-    P_diastolic: Number
-    period: float
-    cardiac_output: float | None = None
-    stroke_volume: float | None = None
-    ffr: float | None = None
-    ffr_sd: float | None = None
-    waveform: Beat | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class CoronaryParameters:
-    """The five-element coronary outlet at rest, before calibration.
-
-    Attributes:
-        R_1: proximal arterial resistance [dyn·s/cm⁵].
-        R_2: distal arterial resistance [dyn·s/cm⁵].
-        R_3: venous resistance [dyn·s/cm⁵].
-        C_a: arterial compliance [cm⁵/dyn].
-        C_im: intramyocardial compliance [cm⁵/dyn].
-        P_venous: venous pressure [dyn/cm²].
-        im_factor: factor of the ventricular pressure that acts on `C_im` [-].
-    """
-
-    R_1: float = 3.1992e4
-    R_2: float = 6.3984e4
-    R_3: float = 2.666e5
-    C_a: float = 4.5e-7
-    C_im: float = 3.0e-6
-    P_venous: float = 0.0
-    im_factor: float = 1.0
-
-
-@dataclasses.dataclass(frozen=True)
-class SurrogateParameters:
-    """The 0D stand-in for the anomalous artery, dP = R0 Q + K Q·abs(Q).
-
-    Attributes:
-        R0: linear resistance [dyn·s/cm⁵]; None where it is to come from the anatomy.
-        K: quadratic loss [dyn·s²/cm⁸]; None where it is not given.
-        C0: compliance [cm⁵/dyn].
-        law: `linear` leaves K out.
-        R0_sd_log: standard deviation of log R0 [-], if known.
-    """
-
-    R0: float | None = None
-    K: float | None = None
-    C0: float = 1.0e-7
-    law: Literal["linear", "quadratic"] = "linear"
-    R0_sd_log: float | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class StressParameters:
-    """How the outlet changes from rest to stress: a named rule, or the user's factors.
-
-    Attributes:
-        rule: `printed` and `all` are the readings of the paper; `factors` uses `factors`.
-        factors: factor of each of R_1, R_2, R_3, C_a, C_im [-]; None with a named rule.
-    """
-
-    rule: Literal["printed", "all", "factors"] = "printed"
-    factors: dict[str, float] | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class WindkesselParameters:
-    """The Windkessel behind the aorta of a 3D run.
-
-    Attributes:
-        characteristic: its resistance in series: the characteristic `impedance` of the aorta at its
-            outlet, or the 10 dyn·s/cm⁵ of the `paper`.
-    """
-
-    characteristic: Literal["impedance", "paper"] = "impedance"
-
-
-@dataclasses.dataclass(frozen=True)
-class SolverOptions:
-    """Numerical choices; None where the command's own choice is meant.
-
-    Attributes:
-        dt: time step of a 3D run [s].
-        cycles: cardiac cycles of a 3D run.
-        n_steps: samples of a cycle in 0D.
-        frames_per_cycle: fields written in a cycle of a 3D run.
-        checkpoint_every: steps between two checkpoints of a 3D run.
-        tolerance: by how much the residual of a step is reduced in 3D.
-        max_halvings: how often a step that fails may be halved.
-        change_limit: largest change of a step; None takes steps of equal length.
-    """
-
-    dt: float | None = None
-    cycles: int | None = None
-    n_steps: int | None = None
-    frames_per_cycle: int | None = None
-    checkpoint_every: int | None = None
-    tolerance: float | None = None
-    max_halvings: int | None = None
-    change_limit: float | None = None
-
-
-@dataclasses.dataclass(frozen=True)
-class MeshOptions:
-    """How the anatomy is meshed and in which unit the mesh is written.
-
-    Attributes:
-        preset: fineness, about 30 000, 150 000 or 500 000 tetrahedra.
-        elements_across: least number of elements across the width of the lumen, if asked for.
-        wall_layers: layers of elements through the wall.
-        backend: the mesher of volumes.
-        unit: length unit of written meshes.
-    """
-
-    preset: Literal["coarse", "medium", "fine"] = "medium"
-    elements_across: int | None = None
-    wall_layers: int = 2
-    backend: Literal["netgen", "gmsh", "tetgen"] = "netgen"
-    unit: Literal["cm", "mm"] = "cm"
-
-
-@dataclasses.dataclass(frozen=True)
+@dataclass(frozen=True)
 class Case:
     """A patient, as read from a case file.
 
@@ -256,34 +90,23 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     return _build(file, values, context.texts)
 
 
-_COUNTS = ("cycles", "n_steps", "frames_per_cycle", "checkpoint_every", "max_halvings")
-
-
 def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[str, str]]) -> Case:
-    wall, blood = values["wall"], values["blood"]
-    wall = {"rho_s" if name == "density" else name: value for name, value in wall.items()}
     return Case(
         path=file,
         id=values["patient"]["id"],
         anatomy=values["anatomy"],
-        wall=WallParameters(**wall),
+        wall=WallParameters(**values["wall"], tissue=TissueParameters(**values["tissue"])),
         conditions={n: Condition(name=n, **entry) for n, entry in values["condition"].items()},
         coronary=CoronaryParameters(**values["coronary"]),
         surrogate=SurrogateParameters(**values["surrogate"]),
-        solver=SolverOptions(**_whole(values["solver"], *_COUNTS)),
+        solver=SolverOptions(**values["solver"]),
         source=texts["source"],
-        blood=BloodParameters(mu=blood["viscosity"], rho_f=blood["density"]),
+        blood=BloodParameters(**values["blood"]),
         stress=StressParameters(**values["stress"]),
         windkessel=WindkesselParameters(**values["windkessel"]),
-        mesh=MeshOptions(**_whole(values["mesh"], "elements_across", "wall_layers")),
+        mesh=MeshOptions(**values["mesh"]),
         notes=texts["notes"],
     )
-
-
-def _whole(values: Mapping[str, Any], *names: str) -> dict[str, Any]:
-    """Values with some of them as integers."""
-    counts = {name: None if values[name] is None else int(values[name]) for name in names}
-    return {**values, **counts}
 
 
 Requirement = Callable[[Case], Fault | None]

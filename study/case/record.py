@@ -13,9 +13,9 @@ from study.case.combinations import check_recorded
 from study.case.faults import CaseError
 from study.case.record_beats import read_beats
 from study.case.record_tables import homes, old_spelling, read_record_tables
-from study.case.record_template import RECORD_FILE
 from study.case.schema import FREE_TEXT
 from study.case.table_reader import Context
+from study.case.template import RECORD_FILE
 from study.case.toml_file import read_document
 
 MEAN_SLIP = 0.15
@@ -96,17 +96,21 @@ def _spelling(document: dict[str, Any]) -> tuple[str, ...]:
 
 def _condition(entry: Mapping[str, Any], context: Context) -> dict[str, Any] | None:
     """Parts of a condition; None where one that it needs is missing."""
-    values = {name: value for name, value in entry.items() if name not in ("file", "heading")}
+    values = {
+        name: value
+        for name, value in entry.items()
+        if name not in ("waveform", "heading", "traces")
+    }
     beats: Mapping[str, np.ndarray] = {}
     folding = None
-    key = f"{entry['heading']}.file"
+    key = entry["traces"]
     period, peak = values["period"], values["P_systolic"]
-    if entry["file"] is not None and period is not None and peak is not None:
-        folded = read_beats(entry["file"], period, peak, key, context.faults)
+    if entry["waveform"] is not None and period is not None and peak is not None:
+        folded = read_beats(entry["waveform"], period, peak, key, context.faults)
         if folded is not None:
             beats, folding, values["period"] = folded.beats, folded.folding, folded.period
-        _check_means(values, beats, entry["heading"], context)
-    check_recorded(values, beats, entry["heading"], context)
+        _check_means(values, beats, entry["heading"], key, context)
+    check_recorded(values, beats, entry["heading"], key, context)
     needed = ("name", "drug", "period", "P_systolic", "P_diastolic")
     if any(values[name] is None for name in needed):
         return None
@@ -114,7 +118,11 @@ def _condition(entry: Mapping[str, Any], context: Context) -> dict[str, Any] | N
 
 
 def _check_means(
-    values: Mapping[str, Any], beats: Mapping[str, np.ndarray], heading: str, context: Context
+    values: Mapping[str, Any],
+    beats: Mapping[str, np.ndarray],
+    heading: str,
+    traces: str,
+    context: Context,
 ) -> None:
     stated = {
         "mean_P_aorta_mmHg": ("P_aorta", values["mean_P_aorta"], 1.0),
@@ -127,7 +135,7 @@ def _check_means(
         straight, crossed = abs(P[0] - high) + abs(P[1] - low), abs(P[1] - high) + abs(P[0] - low)
         if straight > 2.0 and crossed < 0.3 * straight:
             cure = "swap the columns P_aorta_mmHg and P_distal_mmHg of the file"
-            context.add(f"{heading}.file", None, "the traces' means are exchanged", cure)
+            context.add(traces, None, "the traces' means are exchanged", cure)
     for key, (sensor, value, unit) in stated.items():
         if value is None or sensor not in beats:
             continue
@@ -194,7 +202,7 @@ def record_files(record: "diagnosis.Record") -> dict[str, str]:
         }
         lines += [f"{key} = {value:.10g}" for key, value in numbers.items() if value is not None]
         if c.beats:
-            lines.append(f'file = "{c.name}.csv"')
+            lines.append(f'waveform = "{c.name}.csv"')
             files[f"{c.name}.csv"] = _csv(c)
     return {**files, RECORD_FILE: "\n".join(lines) + "\n"}
 

@@ -40,12 +40,12 @@ CLIPPED_SHARE = 0.03
 SWAPPED_MMHG = 8.0
 """Excess of distal over aortic mean pressure that no sensor error explains."""
 
-TIME = Quantity("time", "time", "s", -60.0, 600.0)
+TIME = Quantity("time", "s", -60.0, 600.0, name="time")
 COLUMNS = (
     TIME,
-    Quantity("P_aorta", "pressure", "mmHg", 5.0, 350.0),
-    Quantity("P_distal", "pressure", "mmHg", -20.0, 350.0),
-    Quantity("Q_coronary", "flow", "ml_per_min", -3000.0, 6000.0),
+    Quantity("pressure", "mmHg", 5.0, 350.0, name="P_aorta"),
+    Quantity("pressure", "mmHg", -20.0, 350.0, name="P_distal"),
+    Quantity("flow", "ml_per_min", -3000.0, 6000.0, name="Q_coronary"),
 )
 _SENSOR = {"P_aorta": "P_aorta", "P_distal": "P_distal", "Q_coronary": "Q"}
 

@@ -1,50 +1,123 @@
 """The tables of a measured record (`record.toml`): what each takes, how its values must agree.
 
-What a case file knows too is spelt as there: `[patient] id`, `[condition.NAME]`, `[surrogate]`. An
-older spelling is read as well: `id` above all tables, `[[condition]]` with `name`, `[prior]`.
+What a case file knows too is spelt as there: `[patient] id`, `[condition.NAME]`, `[surrogate]`,
+`waveform`. An older spelling is read as well: `id` above all tables, `[[condition]]` with `name`,
+`[prior]`, `file`.
 """
 
-from typing import Any
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic.dataclasses import dataclass
 
 from lumped.units import MMHG, MMHG_S_PER_ML
+from study.case.condition import FFR_MEANING, DiastolicPressure, Period, SystolicPressure
 from study.case.losses_table import LOSS_KEYS, R0, read_losses
-from study.case.schema import FREE_TEXT, Key, Location, Quantity, Word, spellings
+from study.case.parameters import Number, PatientParameters
+from study.case.schema import FREE_TEXT, Flag, Location, Quantity, Word, keys_of, spellings
 from study.case.table_reader import Context, check_order, contradict, read_free_texts, read_table
-from study.case.tables import CONDITION_NAME, FFR_MEANING, PATIENT, condition_tables, too_many
-
-DRUGS = ("none", "adenosine", "dobutamine")
+from study.case.tables import CONDITION_NAME, condition_tables, too_many
 
 R0_SD_LOG = 0.15
 """Log-sd of a resistance that is stated without one: as of a patient's own anatomy."""
 
-NOISE = (
-    Quantity("pressure_sd", "pressure", "mmHg", 0.02, 20.0),
-    Quantity("pressure_offset_sd", "pressure", "mmHg", 0.01, 20.0),
-    Quantity("flow_relative_sd", "ratio", "", 0.001, 1.0),
-    Quantity("ffr_sd", "ratio", "", 0.0005, 0.2),
-)
+
+Drug = Literal["none", "adenosine", "dobutamine"]
+"""What was given under a condition."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise, as standard deviations.
+
+    That of the mean beat is estimated from the scatter of the beats where three or more were
+    recorded.
+    """
+
+    pressure_sd: Annotated[
+        Number | None,
+        Quantity(
+            "pressure", "mmHg", 0.02, 20.0, example=1.0,
+            text="of one sample of the mean beat, not of one beat",
+        ),
+    ] = None  # fmt: skip
+    pressure_offset_sd: Annotated[
+        Number | None,
+        Quantity(
+            "pressure", "mmHg", 0.01, 20.0, text="zero error of a whole pressure trace", example=0.5
+        ),
+    ] = None  # fmt: skip
+    flow_relative_sd: Annotated[
+        Number | None,
+        Quantity("ratio", "", 0.001, 1.0, text="of a flow, over its mean in a beat", example=0.05),
+    ] = None
+    ffr_sd: Annotated[
+        Number | None, Quantity("ratio", "", 0.0005, 0.2, text="of a pressure ratio", example=0.01)
+    ] = None
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One table for each condition, under any name, in the order in which they were measured.
+
+    Each needs the aortic pressures and the period, and something to compare with: ffr, means or
+    traces.
+    """
+
+    name: Annotated[str, Word(pattern=CONDITION_NAME, described="a short name")]
+    drug: Annotated[
+        Drug,
+        Word(text="by default what the name says", example="none"),
+    ]
+    period: Period
+    P_systolic: SystolicPressure
+    P_diastolic: DiastolicPressure
+    order: Annotated[
+        Number | None,
+        Quantity(
+            "number", "", 0.0, 20.0, whole=True, text="place in time; default: as in this file",
+            example=0,
+        ),
+    ] = None  # fmt: skip
+    mean_P_aorta: Annotated[
+        Number | None, Quantity("pressure", "mmHg", 20.0, 250.0, text="aortic mean", example=86.5)
+    ] = None
+    mean_P_distal: Annotated[
+        Number | None, Quantity("pressure", "mmHg", 5.0, 250.0, text="distal mean", example=78.5)
+    ] = None
+    ffr: Annotated[
+        Number | None,
+        Quantity(
+            "ratio", "", 0.0, 1.15, exclusive=True, advice=FFR_MEANING, example=0.91,
+            text="mean distal over mean aortic pressure",
+        ),
+    ] = None  # fmt: skip
+    mean_Q: Annotated[
+        Number | None,
+        Quantity(
+            "flow", "ml_per_min", 0.0, 2000.0, exclusive=True, name="mean_flow",
+            text="coronary flow", example=130.0,
+        ),
+    ] = None  # fmt: skip
+    waveform: Annotated[
+        str | None,
+        Location(
+            described="CSV file with time_s,P_aorta_mmHg,P_distal_mmHg",
+            text="traces beside this file", example="rest.csv", older=("file",),
+        ),
+    ] = None  # fmt: skip
+    held_out: Annotated[bool, Flag(text="true: predicted only, then compared")] = False
+
+
+PATIENT, NOISE, CONDITION = keys_of(PatientParameters), keys_of(Noise), keys_of(Recorded)
+DRUGS = get_args(Drug)
 TABLES = ("patient", "noise", "surrogate", "condition")
 _OLD = ("id", "prior")
-
-CONDITION: tuple[Key, ...] = (
-    Word("name", pattern=CONDITION_NAME, required=True, described="a short name"),
-    Word("drug", DRUGS, required=True),
-    Quantity("order", "number", "", 0.0, 20.0, whole=True),
-    Quantity("period", "time", "s", 0.2, 3.0, required=True, aliases=("heart_rate", "HR")),
-    Quantity("P_systolic", "pressure", "mmHg", 30.0, 300.0, required=True),
-    Quantity("P_diastolic", "pressure", "mmHg", 20.0, 200.0, required=True),
-    Quantity("mean_P_aorta", "pressure", "mmHg", 20.0, 250.0),
-    Quantity("mean_P_distal", "pressure", "mmHg", 5.0, 250.0),
-    Quantity("ffr", "ratio", "", 0.0, 1.15, exclusive=True, advice=FFR_MEANING),
-    Quantity("mean_flow", "flow", "ml_per_min", 0.0, 2000.0, exclusive=True),
-    Location("file", described="CSV file with time_s,P_aorta_mmHg,P_distal_mmHg"),
-)
 
 
 def homes() -> dict[str, str]:
     """For each key, the heading of the table that it belongs to."""
     tables = {
-        "[condition.NAME]": (*CONDITION[1:], Word("held_out")),
+        "[condition.NAME]": CONDITION[1:],
         "[noise]": NOISE,
         "[surrogate]": LOSS_KEYS,
         "[patient]": PATIENT,
@@ -78,12 +151,13 @@ def read_record_tables(document: dict[str, Any], context: Context) -> dict[str, 
 
 def old_spelling(document: dict[str, Any]) -> list[str]:
     """What of a record is in the older spelling, and how it is written in a case file too."""
+    conditions = document.get("condition", {})
+    tables = conditions if isinstance(conditions, list) else conditions.values()
     old = {
         "id below [patient], not above all tables": "id" in document,
         "[surrogate], not [prior]": "prior" in document,
-        "[condition.NAME], not [[condition]] with name": isinstance(
-            document.get("condition"), list
-        ),
+        "[condition.NAME], not [[condition]] with name": isinstance(conditions, list),
+        "waveform, not file": any(isinstance(c, dict) and "file" in c for c in tables),
     }
     return [text for text, given in old.items() if given]
 
@@ -181,14 +255,8 @@ def _read_losses(document: dict[str, Any], context: Context) -> dict[str, Any]:
 def _read_condition(
     table: object, place: int, heading: str, words: str, context: Context
 ) -> dict[str, Any]:
-    held_out: object = False
     if isinstance(table, dict):
-        held_out = table.get("held_out", False)
-        table = {name: value for name, value in table.items() if name != "held_out"}
         table = _default_drug(table) | table
-    if not isinstance(held_out, bool):
-        context.add(f"{heading}.held_out", held_out, "true or false is expected", "write true")
-        held_out = False
     values: dict[str, Any] = read_table(table, heading, CONDITION, context, written=words)
     if isinstance(table, dict):
         order = ("P_diastolic", "P_systolic")
@@ -198,13 +266,14 @@ def _read_condition(
         context.add(f"{heading}.drug", values["drug"], problem, "rename the condition", '"none"')
     for name in ("P_systolic", "P_diastolic", "mean_P_aorta", "mean_P_distal"):
         values[name] = _clinical(values[name], MMHG)
-    mean_Q = values.pop("mean_flow")
-    values["mean_Q"] = mean_Q
-    values["order"] = place if values["order"] is None else int(values["order"])
-    return {**values, "held_out": held_out, "heading": heading}
+    if values["order"] is None:
+        values["order"] = place
+    named = "file" if isinstance(table, dict) and "file" in table else "waveform"
+    return {**values, "heading": heading, "traces": f"{heading}.{named}"}
 
 
 def _default_drug(table: dict[str, Any]) -> dict[str, str]:
     """The drug that the name of a condition says: none at rest, else the drug it is named after."""
-    drug = {"rest": "none"}.get(str(table.get("name")), table.get("name"))
+    name = str(table.get("name"))
+    drug = "none" if name == "rest" else name
     return {"drug": drug} if drug in DRUGS else {}

@@ -11,15 +11,15 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from study.case.advice import explain_wrong_unit, nearest, python_alone, range_cure
+from study.case.advice import explain_wrong_unit, named_in_python, nearest, range_cure
 from study.case.faults import Fault, shown, shown_key
 from study.case.schema import (
     FREE_TEXT,
+    Flag,
     Key,
     Location,
     Quantity,
     Value,
-    Word,
     readable,
     spellings,
     to_cgs,
@@ -65,9 +65,9 @@ def read_table(
         written: how the file names the table, for the cures; by default `below [heading]`.
 
     Returns:
-        Value by name, numbers in CGS; None for a key that is absent or at fault.
+        Value by field, numbers in CGS; the default for a key that is absent, None for one at fault.
     """
-    values: dict[str, Value] = {key.name: _default(key) for key in keys}
+    values: dict[str, Value] = {key.field: key.default for key in keys}
     written = written or f"below [{heading}]"
     if not isinstance(table, dict):
         context.add(
@@ -78,23 +78,24 @@ def read_table(
         )
         return values
     known = {key.key: key for one in keys for key in spellings(one)}
+    known |= {name: key for key in keys for name in key.older}
     first: dict[str, str] = {}
     meant: set[str] = set()
     for name, value in table.items():
         if name in known:
             key = known[name]
             found = _read_value(key, value, f"{heading}.{name}", context)
-            other = first.setdefault(key.name, name)
-            if other != name and contradict(found, values[key.name]):
+            other = first.setdefault(key.field, name)
+            if other != name and contradict(found, values[key.field]):
                 problem = f"contradicts {other} = {shown(table[other])}"
                 context.add(f"{heading}.{name}", value, problem, "remove one of the two")
-            values[key.name] = found if other == name else values[key.name]
+            values[key.field] = found if other == name else values[key.field]
         elif name in FREE_TEXT:
             _read_free_text(name, value, heading, context)
         else:
             meant.add(_refuse_unknown(name, value, heading, keys, table, context))
     for key in keys:
-        if key.required and key.name not in first and key.key not in meant:
+        if key.required and key.field not in first and key.key not in meant:
             value = "..." if isinstance(key, Quantity) else '"..."'
             cure = f"add {key.key} = {value} {written}"
             context.add(f"{heading}.{key.key}", None, "required, but missing", cure, key.allowed)
@@ -110,15 +111,14 @@ def contradict(one: object, other: object) -> bool:
     return one != other
 
 
-def _default(key: Key) -> Value:
-    if isinstance(key, Quantity) and key.default is not None:
-        return to_cgs(key.default, key)
-    return key.default if isinstance(key, Word) else None
-
-
 def _read_value(key: Key, value: object, place: str, context: Context) -> Value:
     if isinstance(key, Quantity):
         return _read_number(key, value, place, context)
+    if isinstance(key, Flag):
+        if not isinstance(value, bool):
+            context.add(place, value, "true or false is expected", "write true")
+            return None
+        return value
     if not isinstance(value, str):
         cure = f'put it in quotes: {key.key} = "..."'
         context.add(place, value, "a text is expected here", cure, key.allowed)
@@ -136,7 +136,7 @@ def _read_value(key: Key, value: object, place: str, context: Context) -> Value:
     return value
 
 
-def _read_number(key: Quantity, value: object, place: str, context: Context) -> float | None:
+def _read_number(key: Quantity, value: object, place: str, context: Context) -> float | int | None:
     unit = readable(key.unit)
     if isinstance(value, bool) or not isinstance(value, int | float):
         cure = f"give a number, in {unit}" if unit else "give a number"
@@ -160,7 +160,7 @@ def _read_number(key: Quantity, value: object, place: str, context: Context) -> 
         problem = "below the allowed range" if number <= key.low else "above the allowed range"
         context.add(place, value, problem, range_cure(key, number), key.allowed)
         return None
-    return to_cgs(number, key)
+    return int(number) if key.whole else to_cgs(number, key)
 
 
 def _read_location(key: Location, value: str, place: str, context: Context) -> pathlib.Path | None:
@@ -216,7 +216,7 @@ def _refuse_unknown(
     names = [key.key for one in keys for key in spellings(one)]
     valid = "keys " + ", ".join([*names, *FREE_TEXT])
     wrong_unit = explain_wrong_unit(name, value, [k for k in keys if isinstance(k, Quantity)])
-    if cure := python_alone(name):
+    if cure := named_in_python(name):
         context.add(place, value, "unknown key", cure, valid)
         return ""
     if name in context.homes:
@@ -252,7 +252,7 @@ def check_order(
     low, high = values.get(lower), values.get(upper)
     if low is None or high is None or low < high or (low == high and not apart):
         return
-    key = {key.name: key.key for key in keys}
+    key = {key.field: key.key for key in keys}
     problem = f"not below {key[upper]} = {table[key[upper]]:g}"
     cure = "check both values; swap them if they were exchanged"
     context.add(f"{heading}.{key[lower]}", table[key[lower]], problem, cure, f"below {key[upper]}")

@@ -4,122 +4,55 @@ import re
 from collections.abc import Mapping, Sequence, Sized
 from typing import Any
 
-from jaxfsi.meshing.presets import PRESETS
-from study.case.advice import nearest, python_alone
-from study.case.anatomy_tables import KINDS, read_anatomy
+from lumped.nominal import NOMINAL
+from study.case.advice import nearest
+from study.case.anatomy import KINDS
+from study.case.anatomy_tables import read_anatomy
 from study.case.beat import read_beat
 from study.case.combinations import check_case
+from study.case.condition import CONDITION
 from study.case.faults import printable, shown_key
-from study.case.losses_table import R0, K, read_losses
-from study.case.schema import FREE_TEXT, Key, Location, Quantity, Value, Word, spellings
+from study.case.losses_table import K, read_losses
+from study.case.parameters import (
+    CARREAU_YASUDA,
+    BloodParameters,
+    CoronaryParameters,
+    MeshOptions,
+    PatientParameters,
+    SolverOptions,
+    StressParameters,
+    SurrogateParameters,
+    ThicknessBounds,
+    TissueParameters,
+    WallParameters,
+    WindkesselParameters,
+)
+from study.case.schema import FREE_TEXT, Key, Quantity, Value, keys_of, spellings
 from study.case.table_reader import Context, check_order, read_free_texts, read_table
 
 MOST_CONDITIONS = 100
 """Of a case or a record: some are rest and drugs, many are a slip."""
 
-FFR_MEANING = (
-    "FFR is mean distal over mean aortic pressure; at 1 or above there is no loss to calibrate: "
-    "usually the wire has drifted or lies lower than the aortic sensor; correct it, or omit ffr"
-)
-
-PATIENT = (
-    Word(
-        "id",
-        pattern=r"[A-Za-z0-9]([A-Za-z0-9._-]{0,62}[A-Za-z0-9_-])?",
-        required=True,
-        described='a name that can be a file name: letters, digits, ". _ -", at most 64',
-    ),
-)
-BLOOD = (
-    Quantity("viscosity", "viscosity", "poise", 0.008, 0.2, 0.04),
-    Quantity("density", "density", "g_per_cm3", 0.8, 1.3, 1.06),
-)
-WALL = (
-    Quantity("E", "stiffness", "dyn_per_cm2", 2.0e5, 3.0e8, 1.5e7),
-    Quantity("nu", "number", "", 0.0, 0.5, 0.49, advice="give Poisson's ratio, at most 0.5"),
-    Quantity("density", "density", "g_per_cm3", 0.5, 3.0, 1.0),
-    Word(
-        "material",
-        ("linear", "saint_venant_kirchhoff", "neo_hookean"),
-        default="saint_venant_kirchhoff",
-    ),
-    Word("element", ("linear", "quadratic"), default="linear"),
-    Word("prestress", ("diastole", "none"), default="diastole"),
-    Quantity("thickness_per_radius", "number", "", 0.01, 1.0, 0.1),
-)
-THICKNESS = (
-    Quantity("factor", "number", "", 0.01, 1.0, 0.1),
-    Quantity("min", "length", "mm", 0.01, 5.0),
-    Quantity("max", "length", "mm", 0.05, 10.0),
-)
-CONDITION = (
-    Word("kind", ("rest", "stress")),
-    Quantity("P_systolic", "pressure", "mmHg", 30.0, 300.0, required=True),
-    Quantity("P_diastolic", "pressure", "mmHg", 20.0, 200.0, required=True),
-    Quantity("period", "time", "s", 0.2, 3.0, required=True, aliases=("heart_rate", "HR")),
-    Quantity("cardiac_output", "flow", "l_per_min", 0.15, 40.0, aliases=("CO",)),
-    Quantity("stroke_volume", "volume", "ml", 1.0, 300.0, aliases=("SV",)),
-    Quantity("ffr", "ratio", "", 0.0, 1.0, exclusive=True, advice=FFR_MEANING),
-    Quantity("ffr_sd", "ratio", "", 0.0, 0.3, exclusive=True),
-    Location("waveform", described="CSV file with time_s,P_aorta_mmHg"),
-)
-CORONARY = (
-    Quantity("R_1", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 3.1992e4),
-    Quantity("R_2", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 6.3984e4),
-    Quantity("R_3", "resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, 2.666e5),
-    Quantity("C_a", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 4.5e-7),
-    Quantity("C_im", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 3.0e-6),
-    Quantity("P_venous", "pressure", "mmHg", -5.0, 40.0, 0.0),
-    Quantity(
-        "im_factor",
-        "number",
-        "",
-        0.0,
-        3.0,
-        1.0,
-        advice="give the factor of the LV pressure, usually 1",
-    ),
-)
-SURROGATE = (
-    R0,
-    K,
-    Quantity("C0", "compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, 1.0e-7),
-    Word("law", ("linear", "quadratic"), default="linear"),
-)
-STRESS = (Word("rule", ("printed", "all"), default="printed"),)
-STRESS_FACTORS = tuple(
-    Quantity(name, "number", "", 0.01, 100.0, 1.0) for name in ("R_1", "R_2", "R_3", "C_a", "C_im")
-)
-WINDKESSEL = (Word("characteristic", ("impedance", "paper"), default="impedance"),)
-SOLVER = (
-    Quantity("dt", "time", "s", 1.0e-7, 0.1),
-    Quantity("cycles", "number", "", 1.0, 1000.0, whole=True),
-    Quantity("n_steps", "number", "", 8.0, 1.0e6, whole=True),
-    Quantity("frames_per_cycle", "number", "", 1.0, 1000.0, whole=True),
-    Quantity("checkpoint_every", "number", "", 1.0, 1.0e6, whole=True),
-    Quantity("tolerance", "number", "", 1.0e-10, 0.1),
-    Quantity("max_halvings", "number", "", 0.0, 12.0, whole=True),
-    Quantity("change_limit", "number", "", 1.0e-6, 10.0),
-)
-MESH = (
-    Word("preset", tuple(PRESETS), default="medium"),
-    Quantity("elements_across", "number", "", 2.0, 24.0, whole=True),
-    Quantity("wall_layers", "number", "", 1.0, 8.0, 2.0, whole=True),
-    Word("backend", ("netgen", "gmsh", "tetgen"), default="netgen"),
-    Word("unit", ("cm", "mm"), default="cm"),
-)
-
-PLAIN: dict[str, tuple[Key, ...]] = {
-    "patient": PATIENT,
-    "blood": BLOOD,
-    "coronary": CORONARY,
-    "surrogate": SURROGATE,
-    "windkessel": WINDKESSEL,
-    "mesh": MESH,
-    "solver": SOLVER,
+PLAIN: dict[str, type] = {
+    "patient": PatientParameters,
+    "blood": BloodParameters,
+    "tissue": TissueParameters,
+    "coronary": CoronaryParameters,
+    "surrogate": SurrogateParameters,
+    "windkessel": WindkesselParameters,
+    "mesh": MeshOptions,
+    "solver": SolverOptions,
 }
-"""Keys of each table without sub-tables or words that exclude each other."""
+"""Class of each table without sub-tables or words that exclude each other."""
 
+WALL, THICKNESS, STRESS = (
+    keys_of(WallParameters),
+    keys_of(ThicknessBounds),
+    keys_of(StressParameters),
+)
+STRESS_FACTORS = tuple(
+    Quantity("number", "", 0.01, 100.0, name=name, field=name, default=1.0) for name in NOMINAL
+)
 TABLES = ("patient", "anatomy", "blood", "wall", "condition", *PLAIN, "stress")
 _OUTPUT_SLACK = 0.1
 """Stroke volume and cardiac output are rounded, and of neighbouring minutes."""
@@ -128,19 +61,22 @@ CONDITION_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,39}"
 
 
 def key_homes() -> dict[str, str]:
-    """For each key, the heading of the table that it belongs to (the first, if several)."""
+    """For each key, the heading of its tables; of the kinds of anatomy, of the first."""
     tables: list[tuple[str, Sequence[Key]]] = [
         ("[condition.NAME]", CONDITION),
-        *((f"[{name}]", keys) for name, keys in PLAIN.items()),
+        *((f"[{name}]", keys_of(model)) for name, model in PLAIN.items()),
         ("[wall]", WALL),
         ("[stress]", STRESS),
         *((f'[anatomy] with kind = "{kind}"', keys) for kind, keys in KINDS.items()),
-        ("[anatomy]", (Word("kind"),)),
     ]
     homes: dict[str, str] = {}
     for heading, keys in tables:
         for key in (spelled for one in keys for spelled in spellings(one)):
-            homes.setdefault(key.key, heading)
+            if len(key.key) == 1:  # a letter is no name to recognise
+                continue
+            other = homes.setdefault(key.key, heading)
+            if heading not in other and "kind" not in heading:
+                homes[key.key] = f"{other} or {heading}"
     return homes | {"kind": "[anatomy]"}
 
 
@@ -158,10 +94,10 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     read_free_texts(document, "file", context)
     meant = _refuse_unknown_tables(document, context)
     values: dict[str, Any] = {}
-    for name, keys in PLAIN.items():
+    for name, model in PLAIN.items():
         if name in document or name not in meant:
             reading = read_losses if name == "surrogate" else read_table
-            values[name] = reading(document.get(name, {}), name, keys, context)
+            values[name] = reading(document.get(name, {}), name, keys_of(model), context)
     values["anatomy"] = (
         read_anatomy(document["anatomy"], context) if "anatomy" in document else None
     )
@@ -169,9 +105,18 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     values["condition"] = _read_conditions(document.get("condition", {}), context)
     values["stress"] = _read_stress(document.get("stress", {}), context)
     check_case(values, document, context)
-    surrogate = document.get("surrogate")
-    given = surrogate if isinstance(surrogate, dict) else {}
-    if "law" not in given and any(key.key in given for key in spellings(K)):
+    _check_laws(document, context)
+    return values
+
+
+def _check_laws(document: Mapping[str, Any], context: Context) -> None:
+    """Refuse numbers of a law that is not chosen."""
+    tables = {
+        name: table if isinstance(table := document.get(name), dict) else {}
+        for name in ("surrogate", "blood", "wall")
+    }
+    surrogate, blood, wall = tables.values()
+    if "law" not in surrogate and any(key.key in surrogate for key in spellings(K)):
         context.add(
             "surrogate.law",
             None,
@@ -179,7 +124,20 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
             'add law = "quadratic" to use it, or law = "linear" to leave it out',
             '"linear" | "quadratic"',
         )
-    return values
+    thinning = [key.key for key in keys_of(BloodParameters)[3:] if key.key in blood]
+    if "law" not in blood and thinning:
+        context.add(
+            "blood.law",
+            None,
+            f"{thinning[0]} is given, but not whether to use it",
+            f'add law = "{CARREAU_YASUDA}" to use it, or law = "newtonian" to leave it out',
+            f'"newtonian" | "{CARREAU_YASUDA}"',
+        )
+    penalty, stiff = "volumetric_penalty_dyn_per_cm2", "saint_venant_kirchhoff"
+    if penalty in wall and wall.get("material", stiff) != stiff:
+        problem = f"the law {wall['material']} has no such penalty"
+        cure = f'remove it, or write material = "{stiff}"'
+        context.add(f"wall.{penalty}", wall[penalty], problem, cure)
 
 
 def _refuse_unknown_tables(document: Mapping[str, Any], context: Context) -> set[str]:
@@ -190,13 +148,11 @@ def _refuse_unknown_tables(document: Mapping[str, Any], context: Context) -> set
     for name, value in document.items():
         if name in TABLES or name in FREE_TEXT:
             continue
-        close, alone = nearest(name, TABLES), python_alone(name)
+        close = nearest(name, TABLES)
         if isinstance(value, dict) and condition_keys & set(value):
             cure = f"a condition is written [condition.{shown_key(name)}]"
         elif name in context.homes:
             cure = f"move it below {context.homes[name]}"
-        elif alone:
-            cure = alone
         elif close:
             cure = f"the nearest valid table is [{close}]"
             meant.add(close)

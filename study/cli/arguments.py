@@ -175,6 +175,7 @@ examples:
   jaxfsi template > case.toml
   jaxfsi template --out new-patient             writes new-patient/case.toml
   jaxfsi template --record --out new-record     writes new-record/record.toml and rest.csv
+  jaxfsi template --schema > case.schema.json   what an editor checks a case file with
 
 a case is what is known of a patient, for run and study; a record is what was measured, for
 diagnose.
@@ -256,6 +257,9 @@ def parse(argv: Sequence[str]) -> Request[Options]:
     )
     parsers["template"].add_argument(
         "--record", action="store_true", help="a measured record, with an example of its traces"
+    )
+    parsers["template"].add_argument(
+        "--schema", action="store_true", help="the JSON Schema of the file instead, for editors"
     )
     parsers["show"].add_argument("result", type=pathlib.Path, metavar="RESULT", help="its folder")
     for name, command in parsers.items():

@@ -15,10 +15,16 @@ from typing import Any, NamedTuple
 
 from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
+from study.case.json_schema import schema_text
 from study.case.model import read_case, require
 from study.case.record import read_record, record_path
-from study.case.record_template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
-from study.case.template import case_template
+from study.case.template import (
+    EXAMPLE_FILE,
+    RECORD_FILE,
+    case_template,
+    example_traces,
+    record_template,
+)
 from study.cli.arguments import parse
 from study.cli.command_output import Answer, note, note_written
 from study.cli.entry import Signals
@@ -165,6 +171,9 @@ def _template(request: Request[TemplateOptions]) -> None:
     files = {CASE_FILE: case_template()}
     if request.options.record:
         files = {EXAMPLE_FILE: example_traces(), RECORD_FILE: record_template()}
+    if request.options.schema:
+        kind = "record" if request.options.record else "case"
+        files = {f"{kind}.schema.json": schema_text(kind)}
     text, written = list(files.values())[-1], []
     if request.out is not None:
         folder = check_folder(request.out)

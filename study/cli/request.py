@@ -45,6 +45,8 @@ class TemplateOptions(Options):
 
     Attributes:
         record: whether a record is printed instead of a case.
+        schema: whether the JSON Schema of the file is printed instead.
     """
 
     record: bool = False
+    schema: bool = False

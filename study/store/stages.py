@@ -84,8 +84,13 @@ def plain(value: Any) -> Any:
         case _ if hasattr(value, "__array__"):
             return plain(np.asarray(value))
         case _ if dataclasses.is_dataclass(value) and not isinstance(value, type):
-            fields = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-            known = {name: entry for name, entry in fields.items() if entry is not None}
+            later = getattr(value, "added_later", ())
+            known = {
+                f.name: entry
+                for f in dataclasses.fields(value)
+                if (entry := getattr(value, f.name)) is not None
+                and not (f.name in later and entry == f.default)
+            }
             return [type(value).__name__, plain(known)]
         case _:
             raise TypeError(f"no key can be made of {type(value).__name__}. Give plain values.")

@@ -17,7 +17,7 @@ from benchmarks.blind.score import (
 )
 from diagnosis import CATALOGUE, diagnose, measured, stacked
 from study.case.record import read_record
-from study.case.record_template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
+from study.case.template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
 from study.store.cache_folder import VARIABLE
 
 CAUSES = ("quadratic_loss", "vasodilation", "sensor_height", "signal_delay", None, None)

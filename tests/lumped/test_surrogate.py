@@ -25,8 +25,8 @@ from lumped import (
     transition,
 )
 from lumped.metrics import mean_between
+from lumped.nominal import NOMINAL
 from lumped.sources import FlowSource, PressureSource
-from lumped.surrogate import NOMINAL
 from lumped.units import MMHG
 from lumped.verification import BLOCKS, Pulse
 from lumped.vessels import Vessel

@@ -26,8 +26,10 @@ from study import (
     read_case,
     require,
 )
-from study.case.anatomy_tables import KINDS
-from study.case.tables import CONDITION, PLAIN, STRESS, STRESS_FACTORS, THICKNESS, WALL
+from study.case.anatomy import KINDS
+from study.case.condition import CONDITION
+from study.case.schema import keys_of
+from study.case.tables import PLAIN, STRESS, STRESS_FACTORS, THICKNESS, WALL
 
 GOOD = (pathlib.Path(__file__).parent / "good_case.toml").read_text()
 
@@ -161,7 +163,8 @@ def test_template_names_every_key():
     text = case_template()
     full = tomllib.loads(re.sub(r"^#(?=\w+ = |\[)", "", text, flags=re.MULTILINE))
     conditions = {key for entry in full["condition"].values() for key in entry}
-    for name, keys in {**PLAIN, "wall": WALL, "stress": STRESS}.items():
+    plain = {name: keys_of(model) for name, model in PLAIN.items()}
+    for name, keys in {**plain, "wall": WALL, "stress": STRESS}.items():
         assert {key.key for key in keys} <= set(full[name]), name
     assert {key.key for key in CONDITION} <= conditions
     others = [key for kind in ("ivus", "surface", "mesh") for key in KINDS[kind]]

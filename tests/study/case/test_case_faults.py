@@ -132,15 +132,37 @@ BAD_EDITS = {
     ),
     "tissue outside the wall": (
         "[wall]", "[wall]\nsupport_stiffness = 1e5",
-        "wall.support_stiffness", "tissue outside the wall has no key in a case file",
+        "wall.support_stiffness", "tissue outside the wall stands in a table of its own, [tissue]",
     ),
     "tissue with a unit": (
         "[wall]", "[wall]\nsupport_stiffness_dyn_per_cm3 = 1e5",
-        "wall.support_stiffness_dyn_per_cm3", "support_stiffness=..., support_damping=...",
+        "wall.support_stiffness_dyn_per_cm3", "stiffness_dyn_per_cm3 and damping_dyn_s_per_cm3",
     ),
     "table of the tissue": (
         "[coronary]", "[tissue]\nstiffness = 1e5\n[coronary]",
-        "tissue", "tissue outside the wall has no key in a case file",
+        "tissue.stiffness", "write stiffness_dyn_per_cm3 = 100000 if that is in dyn/cm3",
+    ),
+    "tissue in other units": (
+        "[coronary]", "[tissue]\nstiffness_kPa_per_mm = 1\n[coronary]",
+        "tissue.stiffness_kPa_per_mm", "write stiffness_dyn_per_cm3 = 1e+05 (1 kPa/mm = 100000",
+    ),
+    "key of the tissue in the wall": (
+        "[wall]", "[wall]\nstiffness_dyn_per_cm3 = 1e5",
+        "wall.stiffness_dyn_per_cm3", "move it below [tissue]",
+    ),
+    "key of two tables": (
+        "[coronary]", "[coronary]\ndensity_g_per_cm3 = 1.0",
+        "coronary.density_g_per_cm3", "move it below [blood] or [wall]",
+    ),
+    "shear thinning without a law": (
+        "[blood]", "[blood]\nmu_0_poise = 0.5", "blood.law", 'add law = "carreau_yasuda"',
+    ),
+    "SI damping of the wall": (
+        "[wall]", "[wall]\ndamping_Pa_s = 100", "wall.damping_Pa_s", "write damping_poise = 1000",
+    ),
+    "penalty of another law": (
+        "[wall]", '[wall]\nmaterial = "neo_hookean"\nvolumetric_penalty_dyn_per_cm2 = 1e6',
+        "wall.volumetric_penalty_dyn_per_cm2", 'write material = "saint_venant_kirchhoff"',
     ),
     "key like no other": ("[blood]", "[blood]\nzzz = 1", "blood.zzz", "remove it"),
     "key that needs quotes": ("[blood]", '[blood]\n"a\\nb" = 1', "'a\\\\nb'", "remove it"),

@@ -12,9 +12,8 @@ from study.case.losses_table import LOSS_KEYS
 from study.case.model import read_case
 from study.case.record import read_record
 from study.case.record_tables import CONDITION, NOISE
-from study.case.record_template import example_traces, record_template
 from study.case.schema import Quantity, spellings
-from study.case.template import case_template
+from study.case.template import case_template, example_traces, record_template
 from study.run.diagnosis import with_case
 
 NEW = """\
@@ -96,7 +95,7 @@ def test_case_and_record_take_R0_alike(tmp_path, line, sd_log):
     assert case.surrogate.R0_sd_log == sd_log
     text = re.sub("R0_mmHg.*", line, NEW)
     record, _ = read(tmp_path, text)
-    assert record.R0 == pytest.approx(5e3 / MMHG_S_PER_ML, rel=1e-14)
+    assert record.R0 == pytest.approx(5e3, rel=1e-14)
     assert record.R0_sd_log == (sd_log or 0.15)
     assert with_case(record, case.path)[0].R0_sd_log == record.R0_sd_log
 
@@ -127,7 +126,7 @@ def test_the_same_value_twice_is_accepted(tmp_path):
     text = NEW.replace("[patient]", 'id = "a-1"\n[patient]').replace("K_mmHg", "L_mmHg", 1)
     text = text.replace("s2_per_ml2 = 0.5", "s2_per_ml = 0.05\nR0_dyn_s_per_cm5 = 4666.27")
     record, _ = read(tmp_path, text)
-    assert (record.id, record.L) == ("a-1", pytest.approx(0.05))
+    assert (record.id, record.L) == ("a-1", pytest.approx(0.05 * MMHG_S_PER_ML))
 
 
 def followed(text, cure, value):

@@ -79,7 +79,7 @@ def test_a_plan_needs_no_measurement(folder, command, tmp_path):
     text = (folder / "record.toml").read_text(encoding="utf-8")
     place = tmp_path / "planned"
     place.mkdir()
-    dropped = ("file", "ffr", "mean_")
+    dropped = ("waveform", "ffr", "mean_")
     kept = [line for line in text.split("\n") if not line.startswith(dropped)]
     (place / "record.toml").write_text("\n".join(kept), encoding="utf-8")
     outcome = command("plan-measurement", place, "--json")

@@ -1,0 +1,359 @@
+"""Tables of a case whose keys do not depend on each other, one class each.
+
+A field holds its value in CGS; its metadata says how a file spells it, in which unit and range, and
+what it means (`study.case.schema`).
+"""
+
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic.dataclasses import dataclass
+
+from lumped.nominal import C0_NOMINAL, NOMINAL
+from study.case.schema import Quantity, Word
+
+Number = Any
+"""A float, or an array of JAX where a result is differentiated by it; cases do without JAX."""
+
+CARREAU_YASUDA = "carreau_yasuda"
+
+
+@dataclass(frozen=True)
+class PatientParameters:
+    """The patient."""
+
+    id: Annotated[
+        str,
+        Word(
+            text="names the results",
+            pattern=r"[A-Za-z0-9]([A-Za-z0-9._-]{0,62}[A-Za-z0-9_-])?",
+            described='a name that can be a file name: letters, digits, ". _ -", at most 64',
+            example="patient-01",
+        ),
+    ]
+
+
+@dataclass(frozen=True)
+class BloodParameters:
+    """The blood; 0D knows its viscosity alone, 3D shear thinning too.
+
+    The parameters of Carreau and Yasuda are those of Cho & Kensey 1991; they act where the law says
+    so: μ = μ_inf + (μ_0 − μ_inf)(1 + (λγ)^a)^((n−1)/a) at the shear rate γ.
+    """
+
+    added_later: ClassVar[frozenset[str]] = frozenset(
+        {"law", "mu_zero", "mu_infinite", "relaxation_time", "transition", "exponent"}
+    )
+    mu: Annotated[
+        Number,
+        Quantity(
+            "viscosity", "poise", 0.008, 0.2, name="viscosity",
+            text="viscosity; under the Carreau-Yasuda law it counts in 0D alone",
+        ),
+    ] = 0.04  # fmt: skip
+    rho_f: Annotated[
+        Number, Quantity("density", "g_per_cm3", 0.8, 1.3, name="density", text="density")
+    ] = 1.06
+    law: Annotated[
+        Literal["newtonian", "carreau_yasuda"], Word(text="viscosity of the blood in 3D")
+    ] = "newtonian"
+    mu_zero: Annotated[
+        Number, Quantity("viscosity", "poise", 0.02, 10.0, name="mu_0", text="at rest")
+    ] = 0.56
+    mu_infinite: Annotated[
+        Number,
+        Quantity(
+            "viscosity", "poise", 0.008, 0.2, name="mu_inf", text="at a high shear rate"
+        ),
+    ] = 0.0345  # fmt: skip
+    relaxation_time: Annotated[
+        Number, Quantity("time", "s", 1.0e-3, 100.0, name="lambda", text="relaxation time")
+    ] = 1.902
+    transition: Annotated[
+        Number, Quantity("number", "", 0.1, 10.0, name="a", text="how sharp the transition is")
+    ] = 1.25
+    exponent: Annotated[
+        Number, Quantity("number", "", 0.0, 1.0, name="n", text="exponent of the power law")
+    ] = 0.22
+
+
+@dataclass(frozen=True)
+class TissueParameters:
+    """Tissue outside the wall in 3D: springs and dashpots on its outer surface, in each direction.
+
+    A traction of stiffness times displacement plus damping times velocity acts against the wall.
+    """
+
+    stiffness: Annotated[
+        Number,
+        Quantity("support", "dyn_per_cm3", 0.0, 1.0e9, text="traction over displacement"),
+    ] = 0.0
+    damping: Annotated[
+        Number,
+        Quantity("support damping", "dyn_s_per_cm3", 0.0, 1.0e7, text="traction over velocity"),
+    ] = 0.0
+
+
+@dataclass(frozen=True)
+class WallParameters:
+    """The vessel wall. Its thickness follows the local radius of the lumen, within bounds."""
+
+    added_later: ClassVar[frozenset[str]] = frozenset({"volumetric_penalty", "damping", "tissue"})
+    E: Annotated[
+        Number, Quantity("stiffness", "dyn_per_cm2", 2.0e5, 3.0e8, text="Young's modulus")
+    ] = 1.5e7
+    nu: Annotated[
+        Number,
+        Quantity(
+            "number", "", 0.0, 0.5, text="Poisson's ratio; in 3D at most 0.499",
+            advice="give Poisson's ratio, at most 0.5",
+        ),
+    ] = 0.49  # fmt: skip
+    rho_s: Annotated[
+        Number, Quantity("density", "g_per_cm3", 0.5, 3.0, name="density", text="density")
+    ] = 1.0
+    material: Annotated[
+        Literal["linear", "saint_venant_kirchhoff", "neo_hookean"], Word(text="elastic law in 3D")
+    ] = "saint_venant_kirchhoff"
+    element: Annotated[
+        Literal["linear", "quadratic"],
+        Word(text="quadratic ones bend, and take some ten times as long"),
+    ] = "linear"
+    prestress: Annotated[
+        Literal["diastole", "none"],
+        Word(text="pressure that the wall carries in the shape of the image"),
+    ] = "diastole"
+    thickness_per_radius: Annotated[
+        Number,
+        Quantity(
+            "number", "", 0.01, 1.0,
+            text="wall over local radius, or { factor = ..., min_mm = ..., max_mm = ... }",
+        ),
+    ] = 0.1  # fmt: skip
+    thickness_min: Number | None = None
+    thickness_max: Number | None = None
+    volumetric_penalty: Annotated[
+        Number,
+        Quantity(
+            "stiffness", "dyn_per_cm2", 0.0, 1.0e10,
+            text="added resistance to changes of volume of saint_venant_kirchhoff",
+        ),
+    ] = 0.0  # fmt: skip
+    damping: Annotated[
+        Number,
+        Quantity("viscosity", "poise", 0.0, 1.0e6, text="Kelvin-Voigt viscosity of the wall in 3D"),
+    ] = 0.0
+    tissue: TissueParameters = TissueParameters()
+
+
+@dataclass(frozen=True)
+class ThicknessBounds:
+    """The thickness of the wall as a table."""
+
+    factor: Annotated[
+        Number, Quantity("number", "", 0.01, 1.0, text="wall thickness over local radius")
+    ] = WallParameters.thickness_per_radius
+    min: Annotated[
+        Number | None, Quantity("length", "mm", 0.01, 5.0, text="smallest thickness", example=0.3)
+    ] = None
+    max: Annotated[
+        Number | None, Quantity("length", "mm", 0.05, 10.0, text="largest thickness", example=2.0)
+    ] = None
+
+
+@dataclass(frozen=True)
+class CoronaryParameters:
+    """The five-element coronary outlet at rest, before calibration (after Puelz et al. 2024)."""
+
+    R_1: Annotated[
+        Number,
+        Quantity("resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, text="proximal arterial resistance"),
+    ] = NOMINAL["R_1"]
+    R_2: Annotated[
+        Number,
+        Quantity("resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, text="distal arterial resistance"),
+    ] = NOMINAL["R_2"]
+    R_3: Annotated[
+        Number, Quantity("resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, text="venous resistance")
+    ] = NOMINAL["R_3"]
+    C_a: Annotated[
+        Number, Quantity("compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, text="arterial compliance")
+    ] = NOMINAL["C_a"]
+    C_im: Annotated[
+        Number,
+        Quantity("compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, text="intramyocardial compliance"),
+    ] = NOMINAL["C_im"]
+    P_venous: Annotated[Number, Quantity("pressure", "mmHg", -5.0, 40.0, text="behind R_3")] = 0.0
+    im_factor: Annotated[
+        Number,
+        Quantity(
+            "number", "", 0.0, 3.0, text="share of the ventricular pressure that squeezes C_im",
+            advice="give the factor of the LV pressure, usually 1",
+        ),
+    ] = 1.0  # fmt: skip
+
+
+Resistance = Annotated[
+    Number | None,
+    Quantity(
+        "resistance", "dyn_s_per_cm5", 10.0, 1.0e7, name="R0", also=("mmHg_s_per_ml",),
+        text="linear resistance, or { value = ..., sd_log = ... } with the sd of its logarithm",
+        example=5.0e3,
+    ),
+]  # fmt: skip
+QuadraticLoss = Annotated[
+    Number | None,
+    Quantity(
+        "quadratic loss", "dyn_s2_per_cm8", 0.0, 1.0e7, name="K", also=("mmHg_s2_per_ml2",),
+        text="quadratic loss", example=1.0e3,
+    ),
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SurrogateParameters:
+    """The anomalous artery in 0D, dP = R0 Q + K Q abs(Q).
+
+    Under the linear law the resting ratio fixes alpha/R0, so that FFR does not depend on R0: jaxfsi
+    run needs none, only alpha and the flow do. With an ivus anatomy R0 and K follow from it.
+    """
+
+    R0: Resistance = None
+    K: QuadraticLoss = None
+    C0: Annotated[
+        Number, Quantity("compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, text="compliance")
+    ] = C0_NOMINAL
+    law: Annotated[
+        Literal["linear", "quadratic"], Word(text="linear leaves K out")
+    ] = "linear"  # fmt: skip
+    R0_sd_log: Number | None = None
+
+
+@dataclass(frozen=True)
+class StressParameters:
+    """How the outlet changes from rest to stress: a named rule, or own factors.
+
+    The rules printed and all are two readings of the published one. The table [stress.factors]
+    takes R_1, R_2, R_3, C_a and C_im (each 1.0 where absent) in place of a rule.
+    """
+
+    rule: Annotated[
+        Literal["printed", "all", "factors"],
+        Word(options=("printed", "all"), text="reading of the published rule"),
+    ] = "printed"
+    factors: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class WindkesselParameters:
+    """The Windkessel behind the aorta in 3D."""
+
+    characteristic: Annotated[
+        Literal["impedance", "paper"],
+        Word(text="in series: the characteristic impedance of the aorta, or 10 dyn s/cm5"),
+    ] = "impedance"
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Numerical choices. Where a key has no default, the command chooses.
+
+    Two defaults are not those of the core, which has rho_infinity = 0.5 and 6 systems a step.
+    Geometry is extrapolated in time, and the two pressures on the sides of an intramural wall shake
+    it: 0 damps most. A wall of an artery strains by a tenth, where each system brings the residual
+    down by less than a digit.
+    """
+
+    added_later: ClassVar[frozenset[str]] = frozenset(
+        {"frames_per_cycle", "checkpoint_every", "max_halvings", "rho_infinity",
+         "max_systems", "max_iterations"}
+    )  # fmt: skip
+    dt: Annotated[
+        float | None,
+        Quantity("time", "s", 1.0e-7, 0.1, text="step of a 3D run, usually 1e-3", example=1.0e-3),
+    ] = None
+    cycles: Annotated[
+        int | None,
+        Quantity("number", "", 1.0, 1000.0, whole=True, text="cycles of a 3D run", example=4),
+    ] = None
+    n_steps: Annotated[
+        int | None,
+        Quantity(
+            "number", "", 8.0, 1.0e6, whole=True, text="samples of a cycle in 0D", example=1000
+        ),
+    ] = None  # fmt: skip
+    frames_per_cycle: Annotated[
+        int,
+        Quantity("number", "", 1.0, 1000.0, whole=True, text="3D: fields written in a cycle"),
+    ] = 40
+    checkpoint_every: Annotated[
+        int,
+        Quantity("number", "", 1.0, 1.0e6, whole=True, text="3D: steps between two checkpoints"),
+    ] = 100
+    tolerance: Annotated[
+        float | None,
+        Quantity(
+            "number", "", 1.0e-10, 0.1, example=1.0e-3,
+            text="3D: by how much the residual of a step is reduced, usually 1e-3",
+        ),
+    ] = None  # fmt: skip
+    max_halvings: Annotated[
+        int,
+        Quantity(
+            "number", "", 0.0, 12.0, whole=True,
+            text="3D: how often a step that fails may be halved",
+        ),
+    ] = 4  # fmt: skip
+    change_limit: Annotated[
+        float | None,
+        Quantity(
+            "number", "", 1.0e-6, 10.0, example=0.03,
+            text="3D: largest change of a step; absent: steps of equal length",
+        ),
+    ] = None  # fmt: skip
+    rho_infinity: Annotated[
+        float,
+        Quantity(
+            "number", "", 0.0, 1.0,
+            text="3D: spectral radius at infinite frequency; 1 damps nothing",
+        ),
+    ] = 0.0  # fmt: skip
+    max_systems: Annotated[
+        int,
+        Quantity(
+            "number", "", 1.0, 100.0, whole=True, text="3D: linear systems in a step at most"
+        ),
+    ] = 8  # fmt: skip
+    max_iterations: Annotated[
+        int,
+        Quantity(
+            "number", "", 1.0, 1000.0, whole=True,
+            text="3D: iterations of GMRES in a system at most",
+        ),
+    ] = 40  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """How the anatomy is meshed and in which unit the mesh is written."""
+
+    preset: Annotated[
+        Literal["coarse", "medium", "fine"],
+        Word(text="about 30 000, 150 000 or 500 000 tetrahedra"),
+    ] = "medium"
+    elements_across: Annotated[
+        int | None,
+        Quantity(
+            "number", "", 2.0, 24.0, whole=True, example=8,
+            text="at least so many across the narrowest width",
+        ),
+    ] = None  # fmt: skip
+    wall_layers: Annotated[
+        int,
+        Quantity(
+            "number", "", 1.0, 8.0, whole=True, text="layers of elements through the wall"
+        ),
+    ] = 2  # fmt: skip
+    backend: Annotated[
+        Literal["netgen", "gmsh", "tetgen"], Word(text="mesher of volumes")
+    ] = "netgen"  # fmt: skip
+    unit: Annotated[Literal["cm", "mm"], Word(text="of the mesh files")] = "cm"

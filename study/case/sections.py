@@ -1,0 +1,76 @@
+"""The tables of a case file and of a record in the order of their templates, with their keys.
+
+Template, JSON Schema and reference page are made from these.
+"""
+
+import inspect
+from typing import NamedTuple
+
+from study.case.anatomy import KINDS, MODELS
+from study.case.condition import Condition
+from study.case.losses_table import OstiumLosses
+from study.case.parameters import (
+    BloodParameters,
+    CoronaryParameters,
+    MeshOptions,
+    PatientParameters,
+    SolverOptions,
+    StressParameters,
+    SurrogateParameters,
+    TissueParameters,
+    WallParameters,
+    WindkesselParameters,
+)
+from study.case.record_tables import Noise, Recorded
+from study.case.schema import Key, keys_of
+
+CONDITION_SLOT = "condition.NAME"
+
+
+class Section(NamedTuple):
+    """A table of a file.
+
+    Attributes:
+        heading: its dotted name; NAME stands for any name.
+        keys: that it takes, besides the free texts.
+        text: what the table is, in paragraphs.
+        kind: the kind of anatomy that it describes; empty for other tables.
+    """
+
+    heading: str
+    keys: tuple[Key, ...]
+    text: str
+    kind: str = ""
+
+
+def _section(heading: str, model: type, *, without: str = "") -> Section:
+    keys = tuple(key for key in keys_of(model) if key.name != without)
+    return Section(heading, keys, inspect.cleandoc(model.__doc__ or ""))
+
+
+CASE = (
+    _section("patient", PatientParameters),
+    *(
+        Section("anatomy", keys, inspect.cleandoc(MODELS[kind].__doc__ or ""), kind)
+        for kind, keys in KINDS.items()
+    ),
+    _section("blood", BloodParameters),
+    _section("wall", WallParameters),
+    _section("tissue", TissueParameters),
+    _section(CONDITION_SLOT, Condition),
+    _section("coronary", CoronaryParameters),
+    _section("surrogate", SurrogateParameters),
+    _section("stress", StressParameters),
+    _section("windkessel", WindkesselParameters),
+    _section("mesh", MeshOptions),
+    _section("solver", SolverOptions),
+)
+"""Tables of a case file."""
+
+RECORD = (
+    _section("patient", PatientParameters),
+    _section("surrogate", OstiumLosses),
+    _section("noise", Noise),
+    _section(CONDITION_SLOT, Recorded, without="name"),
+)
+"""Tables of a record."""

@@ -8,6 +8,7 @@ finished not at all; what a step says of itself takes over within half a minute.
 import contextlib
 import json
 import math
+import os
 import pathlib
 import sys
 import threading
@@ -22,6 +23,12 @@ from study.store.cache_folder import cache_folder
 
 QUIET_SECONDS = 2.0
 """Work that ends sooner shows nothing."""
+
+_REDRAWN = 0.5
+"""Seconds between two drawings of the bar."""
+
+_BAR = 20
+"""Characters of the bar."""
 
 _DOUBT = 60.0
 """Seconds of the plan that weigh as much as those that went by, in the scale."""
@@ -45,8 +52,8 @@ _MOST_TELLING = math.log(3.0)
 class Progress:
     """Shows steps of known weight; a context manager.
 
-    On a terminal one line is rewritten every half second; elsewhere a line is added at most
-    every `line_every` seconds.
+    On a terminal a bar is drawn anew every half second; elsewhere a line is added at most every
+    `line_every` seconds.
     """
 
     def __init__(
@@ -68,7 +75,8 @@ class Progress:
             memory: file with how long steps took before; None: in the user's cache.
         """
         self._stream = sys.stderr if stream is None else stream
-        self._terminal = bool(getattr(self._stream, "isatty", lambda: False)())
+        is_terminal = bool(getattr(self._stream, "isatty", lambda: False)())
+        self._show = self._redraw if is_terminal and os.environ.get("TERM") != "dumb" else self._add
         self._quiet, self._line_every = quiet_seconds, line_every
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._plan: list[tuple[str, float]] = []
@@ -80,7 +88,6 @@ class Progress:
         self._done: list[tuple[float, float]] = []  # weight, logarithm of taken over expected
         self._told: str | None = None
         self._end: tuple[float, float] | None = None  # of the step, and when that was said
-        self._shown = False
         self._thread: threading.Thread | None = None
 
     def __enter__(self) -> "Progress":
@@ -100,8 +107,6 @@ class Progress:
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
-        if self._shown and self._terminal:
-            self._write("\r\x1b[K")
         if kind is None:
             with self._lock:
                 self._finish(self._clock())
@@ -165,6 +170,13 @@ class Progress:
             left = _left(self._rest(now))
             return f"{self._told or name} ({_span(now - self._start)} so far, {left})"
 
+    def share(self) -> float:
+        """Part of the whole time that went by."""
+        with self._lock:
+            now = self._clock()
+            spent = now - self._start
+            return spent / max(spent + self._rest(now), 1e-9)
+
     def left(self) -> float:
         """Seconds until the end of the plan."""
         with self._lock:
@@ -203,21 +215,41 @@ class Progress:
         return math.exp(sum(weight * log for weight, log in seen) / weight)
 
     def _watch(self) -> None:
-        if self._stop.wait(self._quiet):
-            return
-        while True:
-            self._shown = True
-            text = self.message()
-            self._write(f"\r\x1b[K{text}" if self._terminal else f"{text}\n")
-            if self._stop.wait(0.5 if self._terminal else self._line_every):
-                return
+        # the reader may have gone: progress is not worth an error
+        with contextlib.suppress(OSError, ValueError):
+            if not self._stop.wait(self._quiet):
+                self._show()
 
-    def _write(self, text: str) -> None:
-        try:
-            self._stream.write(text)
+    def _redraw(self) -> None:
+        """Draw a bar with the message anew until the end, and clear it."""
+        from rich import console, progress  # slow to import: most commands end before they show
+
+        columns = (
+            progress.BarColumn(_BAR),
+            progress.TextColumn("{task.description}", markup=False),
+        )
+        terminal = console.Console(file=self._stream, force_terminal=True, highlight=False)
+        with progress.Progress(
+            *columns,
+            console=terminal,
+            auto_refresh=False,
+            transient=True,
+            redirect_stdout=False,
+            redirect_stderr=False,
+        ) as bar:
+            task = bar.add_task("", total=1.0)
+            while True:
+                bar.update(task, description=self.message(), completed=self.share(), refresh=True)
+                if self._stop.wait(_REDRAWN):
+                    return
+
+    def _add(self) -> None:
+        """Add a line with the message now and then until the end."""
+        while True:
+            self._stream.write(f"{self.message()}\n")
             self._stream.flush()
-        except (OSError, ValueError):  # the reader has gone: progress is not worth an error
-            self._stop.set()
+            if self._stop.wait(self._line_every):
+                return
 
 
 def _left(seconds: float) -> str:

@@ -1,8 +1,11 @@
 """The time left of a whole command, told with a clock of the test's own."""
 
+import errno
 import io
 import itertools
 import json
+import re
+import threading
 
 import pytest
 
@@ -118,3 +121,51 @@ def test_damaged_memory_is_no_error(clock, tmp_path, content):
     progress.plan({"ramp": 1.0})
     progress.step("ramp")
     assert 0.0 < progress.left() <= 20.0
+
+
+class _Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_bar_on_a_terminal_fits_its_line_and_is_cleared(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "60")
+    stream, named = _Terminal(), "marching [mesh/1] " + 10 * "far "
+    shown = threading.Event()
+    monkeypatch.setattr(stream, "flush", shown.set)
+    with Progress(stream=stream, quiet_seconds=0.0) as progress:
+        progress.plan({named: 100.0})
+        progress.step(named)
+        shown.wait(10.0)
+    drawn = stream.getvalue()
+    assert "marching [mesh/1]" in drawn
+    lines = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", drawn).replace("\r", "\n").split("\n")
+    assert max(map(len, lines)) <= 60
+    last = drawn[drawn.rindex("far") :]
+    assert "\x1b[2K" in last  # the line is cleared
+    assert "\x1b[?25h" in last  # the cursor is there again
+
+
+def test_reader_that_has_gone_is_no_error(monkeypatch):
+    for stream, error in ((io.StringIO(), errno.EPIPE), (_Terminal(), errno.EIO)):
+
+        def gone(*_, error=error):
+            raise OSError(error, "gone")
+
+        monkeypatch.setattr(stream, "write", gone)
+        with Progress(stream=stream, quiet_seconds=0.0) as progress:
+            progress.step("marching")
+
+
+def test_share_of_the_time_grows_to_one(progress, clock):
+    progress.plan({"a": 10.0, "b": 10.0})
+    told = []
+    for name in ("a", "b"):
+        progress.step(name)
+        for _ in range(10):
+            told.append(progress.share())
+            clock.now += 1.0
+    assert told == sorted(told)
+    assert told[0] == pytest.approx(0.0, abs=1e-6)
+    assert told[-1] > 0.8

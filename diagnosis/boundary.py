@@ -1,14 +1,14 @@
-"""From a circuit with its effects to what a 3D model of the proximal vessel takes from it.
+"""Boundary conditions of a 3D model of the proximal vessel from a circuit with its effects.
 
-The 3D model replaces the ostium (R0, K, L, narrowing over the beat, C0). Its anomalous outlet takes
-the bed, its aorta the inlet pressure, and its traces the sensors:
+The 3D model replaces the ostium (R0, K, L, narrowing over the beat, C0). The bed becomes the block
+behind its anomalous outlet, P_inlet the pressure at the ostium; sensors act on the results:
 
 | effects | in 3D |
 |---|---|
-| ostium | already in the 3D model, whose geometry has its losses, inertia and motion |
+| ostium | not added: the geometry of the 3D model includes its losses, inertia and motion |
 | microvasculature, pump, wall (of the bed) | the block behind the anomalous outlet |
 | inlet | the pressure at the ostium |
-| sensor | the traces, afterwards |
+| sensor | the computed pressures, afterwards |
 """
 
 from typing import NamedTuple
@@ -19,11 +19,11 @@ import numpy as np
 from diagnosis.circuit import (
     ELASTIC_SHARE,
     PHASE,
-    Beat,
     Circuit,
+    SensorSpectra,
     autoregulated,
+    bypass_conductance,
     harmonics,
-    past_muscle,
     samples,
     sensed,
 )
@@ -31,8 +31,8 @@ from lumped.extended_coronary import ExtendedCoronary
 from lumped.waveforms import Sampled, sampled
 
 
-class Boundary(NamedTuple):
-    """What a 3D model of the proximal vessel is driven by.
+class BoundaryConditions(NamedTuple):
+    """Boundary conditions of a 3D model of the proximal vessel.
 
     Attributes:
         bed: the block behind the anomalous outlet.
@@ -43,11 +43,11 @@ class Boundary(NamedTuple):
     P_ostium: Sampled
 
 
-def boundary_of(circuit: Circuit) -> Boundary:
-    """The boundary of a circuit, its effects included.
+def boundary_conditions(circuit: Circuit) -> BoundaryConditions:
+    """Boundary conditions for a circuit, its effects included.
 
-    Two circuits give blocks of one structure, so that a 3D step is compiled once; a viscous wall
-    alone adds a state.
+    Blocks of all circuits have the same structure, so a 3D step is compiled once; only a viscous
+    wall adds a state.
 
     Args:
         circuit: one condition, not traced.
@@ -69,24 +69,24 @@ def boundary_of(circuit: Circuit) -> Boundary:
         C_im=circuit.C_im,
         P_venous=circuit.P_venous,
         G_collateral=circuit.G_collateral,
-        G_past=past_muscle(circuit),
+        G_bypass=bypass_conductance(circuit),
         elastic_share=ELASTIC_SHARE if viscous else 1.0,
         wall_time=circuit.wall_time if viscous else None,
     )
-    return Boundary(bed, P_ostium)
+    return BoundaryConditions(bed, P_ostium)
 
 
-def traces_of(circuit: Circuit, P_aorta: np.ndarray, P_distal: np.ndarray) -> np.ndarray:
-    """Traces that the sensors of a circuit record of true pressures.
+def sensor_traces(circuit: Circuit, P_aorta: np.ndarray, P_distal: np.ndarray) -> np.ndarray:
+    """Pressures as recorded by the sensors of a circuit.
 
     Args:
-        circuit: for its sensors.
+        circuit: gives the sensors' offsets, gain, lag and delay.
         P_aorta: true pressure in the aorta at `circuit.PHASE` [dyn/cm²].
         P_distal: true pressure behind the ostium there [dyn/cm²].
 
     Returns:
-        Aortic and distal trace, 2 × samples [dyn/cm²].
+        Recorded aortic and distal pressure, 2 × samples [dyn/cm²].
     """
     aortic, distal = harmonics(jnp.asarray(np.stack([P_aorta, P_distal])))
-    seen = sensed(circuit, Beat(aortic, distal, jnp.zeros_like(aortic)))
+    seen = sensed(circuit, SensorSpectra(aortic, distal, jnp.zeros_like(aortic)))
     return np.asarray(samples(jnp.stack([seen.P_aorta, seen.P_distal])))

@@ -1,30 +1,35 @@
-"""The surrogate of a record's condition, with a place for every effect that may be missing.
+"""The surrogate in one condition of a record, with a parameter for every effect of the catalogue.
 
     P_inlet ─ P_ostium ─ [R0, L, K, R0_wave] ─┬─ R_1 ─┬─ P_micro ─ R_2 ─┬─ R_3 ─ P_venous
                                              C0      C_a (τ_wall)     C_im
                                              ⏚        ⏚              P_LV
-    G_collateral joins the inlet to the node behind R_1, and past/(R_2 + R_3) joins that node to
-    P_venous past the muscle.
+    G_collateral connects the inlet to the node behind R_1; the conductance bypass/(R_2 + R_3)
+    connects that node to P_venous.
 
 With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
 
     P_3 = ((P_2 − P_micro)/R_2 + iωC_im P_LV + P_venous/R_3)/(1/R_2 + iωC_im + 1/R_3)
     0   = (P_1 − P_2)/R_1 + G (P_inlet − P_2) − Y_a P_2 − (P_2 − P_micro − P_3)/R_2 + Q_wall
-          − past/(R_2 + R_3) (P_2 − P_venous)
+          − bypass/(R_2 + R_3) (P_2 − P_venous)
     Q   = iωC0 P_1 + (P_1 − P_2)/R_1,            Y_a = iωC_a (e + (1 − e)/(1 + iωτ_wall))
     P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + (K + K_known R0_wave) Q|Q|
 
-Without the last two terms the system is linear and solved harmonic by harmonic; with them the first
-`LOW` harmonics of Q follow from Newton's method and the rest from the linear system with the mean
-of the nonlinear slope. The derivative is the exact one of what is computed: one more Newton step
-from the frozen solution. Sensors act on harmonics: first-order lag 1/(1 + iωτ), delay exp(−iωt).
+Without the last two terms the system is linear and is solved harmonic by harmonic. With them,
+Newton's method gives the first `LOW` harmonics of Q, and the linear system with the mean of the
+nonlinear resistance gives the others. Derivatives are exact for the computed solution: one more
+Newton step, differentiated by the implicit-function theorem. Sensors act on harmonics: first-order
+lag 1/(1 + iωτ), delay exp(−iωt).
+
+Twins: with no effect the circuit is `lumped.Surrogate` solved by `lumped.Fourier`, and its bed with
+effects is `lumped.extended_coronary.ExtendedCoronary` in the frequency domain, in closed form and
+batched. `tests/diagnosis/test_circuit.py` and `test_boundary.py` compare them.
 
 Units are CGS. Waveforms have `SAMPLES` samples; harmonics are scaled so that
 x(t) = X_0 + Σ Re X_k cos(ω_k t) − Im X_k sin(ω_k t). `HARMONICS` of them are kept: those above are
 indistinguishable from the noise of a sensor.
 
 Source: Puelz et al. 2024, section 2.4; harmonic balance: Nakhla & Vlach 1976 (IEEE Trans Circuits
-Syst 23:85). With no effect it is `lumped.Surrogate` solved by `lumped.Fourier`, which a test shows.
+Syst 23:85).
 """
 
 from typing import Any, NamedTuple
@@ -38,7 +43,7 @@ from diagnosis.elimination import solve_definite
 from lumped.units import MMHG
 
 SAMPLES = 256
-"""Samples of a beat: fine enough for the harmonics kept of the ventricle's steep pressure."""
+"""Samples of a beat; they resolve the kept harmonics of the ventricle's steep pressure."""
 
 PHASE = np.arange(SAMPLES) / SAMPLES
 """Time of the samples in beats."""
@@ -53,11 +58,11 @@ NEWTON_STEPS = 5
 """Newton steps from the linear solution; the last changes the flow by round-off."""
 
 AUTOREGULATION_SWEEPS = 12
-"""Fixed-point sweeps for the mean pressure that microvessels sense."""
+"""Fixed-point iterations for the mean pressure that controls autoregulation."""
 
 ELASTIC_SHARE = 0.5
-"""Share e of C_a that yields at once in a viscous wall: muscular arteries are up to twice as stiff
-at the heart's frequency as in rest (Learoyd & Taylor 1966, Circ Res 18:278)."""
+"""Share e of C_a that responds at once in a viscous wall: muscular arteries are up to twice as
+stiff at the heart rate as in static tests (Learoyd & Taylor 1966, Circ Res 18:278)."""
 
 P_REGULATED = 70.0 * MMHG
 """Mean pressure at which autoregulation changes nothing [dyn/cm²]."""
@@ -73,25 +78,26 @@ class Circuit(NamedTuple):
 
     Attributes:
         period: length of the beat [s].
-        stress, adenosine, dobutamine: 1 where the condition is one, else 0.
+        stress, adenosine, dobutamine: 1 if the condition is under stress or that drug, else 0.
         order: order of acquisition.
         P_inlet, P_LV: pressures of aorta and ventricle at the samples [dyn/cm²].
         R0, L, K: linear resistance, inertance, quadratic loss of the ostium
             [dyn·s/cm⁵, dyn·s²/cm⁵, dyn·s²/cm⁸].
-        K_known: quadratic loss that is known with R0 and narrows with it [dyn·s²/cm⁸].
-        R0_wave: factor on R0 and K_known over the beat; ones at first.
+        K_known: quadratic loss that is known with R0 and scales with it [dyn·s²/cm⁸].
+        R0_wave: factor on R0 and K_known over the beat, ones without an effect.
         C0, C_a, C_im: compliances [cm⁵/dyn].
         R_1, R_2, R_3: resistances of the bed [dyn·s/cm⁵].
-        wall_time: relaxation time of the part of C_a that yields late [s].
+        wall_time: relaxation time of the delayed part of C_a [s].
         P_venous: pressure behind R_3 [dyn/cm²].
         G_collateral: conductance from the aorta to the node behind R_1 [cm⁵/(dyn·s)].
-        past: conductance from there past the muscle, over 1/(R_2 + R_3) [-].
+        bypass: conductance from that node to P_venous outside the muscle, relative to
+            1/(R_2 + R_3) [-]; negative values reduce the flow through R_2 and R_3.
         autoregulation: gain of ln R_2 by the mean pressure behind R_1 [-].
-        aortic_offset, distal_offset: added by the sensors [dyn/cm²].
-        distal_gain: factor of the distal sensor [-].
-        aortic_lag, distal_delay: of the sensors [s].
-        forced: harmonics of what is added at each place of `FORCED`; zero unless the place of a
-            gap is sought.
+        aortic_offset, distal_offset: offsets of the sensors [dyn/cm²].
+        distal_gain: gain of the distal sensor [-].
+        aortic_lag, distal_delay: lag and delay of the sensors [s].
+        forced: harmonics of the waveform added at each place of `FORCED`; zero except in
+            `forcing`.
     """
 
     period: Number
@@ -115,7 +121,7 @@ class Circuit(NamedTuple):
     wall_time: Number
     P_venous: Number
     G_collateral: Number
-    past: Number
+    bypass: Number
     autoregulation: Number
     aortic_offset: Number
     distal_offset: Number
@@ -130,8 +136,8 @@ FORCED = ("ostium", "wall", "microvasculature", "pump", "inlet", "aortic sensor"
 R_1, times R_1; pressure in series with R_2; added to P_LV; to P_inlet; to either sensor's trace."""
 
 
-class Beat(NamedTuple):
-    """What sensors see of one condition, as harmonics.
+class SensorSpectra(NamedTuple):
+    """Harmonics of the signals of all sensors in one condition.
 
     Attributes:
         P_aorta, P_distal: measured pressures [dyn/cm²].
@@ -172,7 +178,7 @@ def coefficients(spectrum: Complex[Array, "*b f"]) -> Float[Array, "*b m"]:
 
 
 def as_harmonics(q: Float[Array, "*b m"]) -> Complex[Array, "*b f"]:
-    """The inverse of `coefficients`."""
+    """Inverse of `coefficients`."""
     count = q.shape[-1] // 2
     none = jnp.zeros_like(q[..., :1])
     imaginary = jnp.concatenate([none, q[..., count + 1 :]], axis=-1)
@@ -184,17 +190,17 @@ def _complex(x: Array) -> Array:
 
 
 def _inverse(z: Spectrum) -> Spectrum:
-    """1/z in real arithmetic: numbers here are far from overflow, which complex division guards."""
+    """1/z in real arithmetic, without the overflow guards of complex division."""
     scale = 1.0 / (z.real**2 + z.imag**2)
     return jax.lax.complex(z.real * scale, -z.imag * scale)
 
 
-def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
-    """The periodic beat of a circuit as its sensors see it.
+def solve(circuit: Circuit, *, nonlinear: bool = True) -> SensorSpectra:
+    """Periodic solution of a circuit as recorded by its sensors.
 
     Args:
         circuit: one condition; all arrays are differentiated.
-        nonlinear: whether K, K_known and R0_wave act (static); False is faster and ignores them.
+        nonlinear: include K, K_known and R0_wave (static); False is faster and ignores them.
     """
     omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
     iw = jax.lax.complex(jnp.zeros_like(omega), omega)
@@ -203,7 +209,7 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     g_1, g_3 = _complex(1.0 / circuit.R_1), _complex(1.0 / circuit.R_3)
     g_2 = _complex(1.0 / (circuit.R_2 * autoregulated(circuit)))
     g_across, R0 = _complex(circuit.G_collateral), _complex(circuit.R0)
-    g_past = _complex(past_muscle(circuit))
+    g_bypass = _complex(bypass_conductance(circuit))
     inlet, ventricle, wall = inlet + root, ventricle + pump, wall * g_1
     first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
     venous = _complex(circuit.P_venous * first)
@@ -213,8 +219,8 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     y_a = iw * _complex(circuit.C_a) * (ELASTIC_SHARE + yielding)
     z_3 = _inverse(g_2 + y_im + g_3)
     source_3 = (y_im * ventricle + g_3 * venous - g_2 * micro) * z_3
-    z_2 = _inverse(g_1 + g_across + g_past + y_a + g_2 * (1.0 - g_2 * z_3))
-    source_2 = (g_across * inlet + g_past * venous + wall + g_2 * (micro + source_3)) * z_2
+    z_2 = _inverse(g_1 + g_across + g_bypass + y_a + g_2 * (1.0 - g_2 * z_3))
+    source_2 = (g_across * inlet + g_bypass * venous + wall + g_2 * (micro + source_3)) * z_2
     Z = _inverse(iw * _complex(circuit.C0) + g_1 * (1.0 - g_1 * z_2))
     source_1 = g_1 * source_2 * Z
 
@@ -223,16 +229,16 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> Beat:
     Q = drive * _inverse(series)
     if nonlinear:
         Q = _nonlinear_flow(circuit, drive, series, Q)
-    seen = sensed(circuit, Beat(inlet, Z * Q + source_1, Q))
-    return Beat(seen.P_aorta + at_aorta, seen.P_distal + at_distal, Q)
+    seen = sensed(circuit, SensorSpectra(inlet, Z * Q + source_1, Q))
+    return SensorSpectra(seen.P_aorta + at_aorta, seen.P_distal + at_distal, Q)
 
 
-def sensed(circuit: Circuit, true: Beat) -> Beat:
-    """What the sensors of a circuit make of true pressures.
+def sensed(circuit: Circuit, true: SensorSpectra) -> SensorSpectra:
+    """Signals of the sensors of a circuit for given true pressures.
 
     Args:
-        circuit: for its offsets, gain, lag and delay.
-        true: the pressures where the sensors are, from this circuit or another model.
+        circuit: gives offsets, gain, lag and delay.
+        true: pressures at the sensors, from this circuit or another model.
     """
     omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
     first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
@@ -241,16 +247,16 @@ def sensed(circuit: Circuit, true: Beat) -> Beat:
     lagged = true.P_aorta * _inverse(1.0 + lag)
     delayed = _complex(circuit.distal_gain) * true.P_distal
     delayed = delayed * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
-    return Beat(
+    return SensorSpectra(
         lagged + _complex(circuit.aortic_offset * first),
         delayed + _complex(circuit.distal_offset * first),
         true.Q,
     )
 
 
-def past_muscle(circuit: Circuit) -> Number:
-    """Conductance from the node behind R_1 to P_venous past the muscle [cm⁵/(dyn·s)]."""
-    return circuit.past / (circuit.R_2 + circuit.R_3)
+def bypass_conductance(circuit: Circuit) -> Number:
+    """Conductance from the node behind R_1 to P_venous outside the muscle [cm⁵/(dyn·s)]."""
+    return circuit.bypass / (circuit.R_2 + circuit.R_3)
 
 
 def autoregulated(circuit: Circuit) -> Number:
@@ -262,10 +268,10 @@ def autoregulated(circuit: Circuit) -> Number:
     inlet = jnp.mean(circuit.P_inlet)
     R_in = circuit.R0 + circuit.R_1
     above = inlet / R_in + circuit.G_collateral * inlet
-    g_past = past_muscle(circuit)
+    g_bypass = bypass_conductance(circuit)
 
     def sweep(_: Any, log_factor: Number) -> Number:
-        g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3) + g_past
+        g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3) + g_bypass
         mean = above + g_bed * circuit.P_venous
         mean = mean / (1.0 / R_in + circuit.G_collateral + g_bed)
         return circuit.autoregulation * (mean - P_REGULATED) / P_REGULATED
@@ -291,28 +297,28 @@ def _nonlinear_flow(
         lost = analysis @ loss(q)
         return coefficients(series[low] * as_harmonics(q)) + lost - coefficients(drive[low])
 
-    def slope(q: Real) -> Float[Array, "m m"]:
+    def jacobian(q: Real) -> Float[Array, "m m"]:
         d = extra + 2.0 * K * jnp.abs(synthesis @ q)
         return _block(series[low]) + (analysis * d[None, :]) @ synthesis
 
-    frozen = jax.lax.stop_gradient
+    constant = jax.lax.stop_gradient
 
     def newton(_: Any, q: Real) -> Real:
-        step = solve_definite(frozen(slope(q)), frozen(residual(q))[:, None])
-        return frozen(q - step[:, 0])
+        step = solve_definite(constant(jacobian(q)), constant(residual(q))[:, None])
+        return constant(q - step[:, 0])
 
-    q = jax.lax.fori_loop(0, NEWTON_STEPS, newton, frozen(coefficients(linear[low])))
-    q = frozen(q)
-    # no change in value, the implicit-function theorem in derivative
-    q = q - solve_definite(frozen(slope(q)), jnp.eye(q.shape[0])) @ residual(q)
-    mean_slope = jnp.mean(extra + 2.0 * K * jnp.abs(synthesis @ q))
+    q = jax.lax.fori_loop(0, NEWTON_STEPS, newton, constant(coefficients(linear[low])))
+    q = constant(q)
+    # leaves the value unchanged and gives the derivative by the implicit-function theorem
+    q = q - solve_definite(constant(jacobian(q)), jnp.eye(q.shape[0])) @ residual(q)
+    mean_resistance = jnp.mean(extra + 2.0 * K * jnp.abs(synthesis @ q))
     lost = harmonics(loss(q))
-    high = (drive - lost) * _inverse(series + _complex(mean_slope))
+    high = (drive - lost) * _inverse(series + _complex(mean_resistance))
     return jnp.concatenate([as_harmonics(q), high[LOW + 1 :]])
 
 
 def _block(z: Spectrum) -> Float[Array, "k k"]:
-    """The matrix that multiplies real coefficients as z does harmonics."""
+    """Matrix that acts on real coefficients as multiplication by z acts on harmonics."""
     re, im = z.real, z.imag[1:]
     a = jnp.diag(jnp.concatenate([re, re[1:]]))
     k = jnp.arange(1, LOW + 1)

@@ -1,7 +1,7 @@
-"""Pooled evidence: what several patients with poor records say together.
+"""Pooled evidence of several patients with sparse records.
 
-Where one cause acts in all of them, evidences multiply: ln B of an effect is the sum over patients,
-each patient with a size of its own. The hypotheses are no gap and one common effect; the prior is
+If one cause acts in all of them, evidences multiply: ln B of an effect is the sum over patients,
+each with its own size. The hypotheses are no gap and one common effect; the prior is
 that of a single record without pairs and unknown.
 """
 
@@ -16,7 +16,7 @@ from diagnosis.verdict import NAMED, NO_GAP, PRIOR
 
 
 class Pooled(NamedTuple):
-    """What a cohort says.
+    """Verdict on a cohort.
 
     Attributes:
         verdict: "no_gap", "named" or "ambiguous".

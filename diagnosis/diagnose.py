@@ -1,13 +1,14 @@
-"""Which effect: all hypotheses of a batch of records, their evidence, and the verdicts.
+"""Diagnosis of a batch of records: all hypotheses, their evidence, and the verdicts.
 
-1. The base model is fitted. 2. One Jacobian there scans all effects and pairs; every effect is
-refitted from there; without waveforms some take an integral over their size. 3. About the two best,
-one Jacobian scans all partners; the four best pairs are fitted, and with the best effect all
-partners that a scan from size zero may miss; the others take the evidence of the scan, but no more
-gain than the fitted partners have. Where no effect stands out no pair is fitted and all take what
-the first scan says beside the fit of their better half. 4. A free forcing at every place, alone and
-beside the best hypotheses, gives "unknown". 5. Evidence and priors give probabilities and a
-verdict.
+1. Fit the base model.
+2. Scan all effects and pairs with one Jacobian at its optimum. Fit every effect from there; without
+   waveforms, integrate the evidence of some over their size.
+3. At the two best effects, scan all partners with one Jacobian. Fit the four best pairs, and the
+   best effect with all partners that a scan from size zero may miss. Other pairs get the evidence
+   of the scan, with at most the gain of the fitted pairs. If no effect stands out, fit no pair: all
+   get the gain of the first scan over the fit of their better half.
+4. Add a free forcing at every place, alone and to the best hypotheses: "unknown".
+5. Probabilities and verdict from evidence and priors.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,14 @@ from jaxtyping import Float
 
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.effects import SCALE, Effect
-from diagnosis.engine import Tell, base_start, run_fits, run_forcings, run_scans, silent
+from diagnosis.engine import (
+    ProgressCallback,
+    base_start,
+    no_progress,
+    run_fits,
+    run_forcings,
+    run_scans,
+)
 from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
 from diagnosis.measured import Measured, weights
 from diagnosis.prediction import n_unknowns
@@ -35,11 +43,11 @@ PARTNERS = (3, 1)
 """Partners tried of the best and the second best single effect."""
 
 ACCOMPANIED = 2
-"""Hypotheses beside which something outside the catalogue is looked for, the likeliest ones."""
+"""Number of likeliest hypotheses to which a free forcing is added."""
 
 
 class Diagnosis(NamedTuple):
-    """The diagnosis of one record, as arrays and numbers; see `study` for the written form.
+    """The diagnosis of one record; `study` writes it as a report.
 
     Attributes:
         record: the record.
@@ -48,11 +56,10 @@ class Diagnosis(NamedTuple):
         fits: every fitted hypothesis.
         log_B: ln evidence of every fitted hypothesis over that of no gap.
         scan: ln B of every effect by the score scan about the base optimum.
-        visibility: length of each effect's own trace in noise units per unit of its size; times a
-            size it is λ, how detectable that size is in this record.
-        forcing: ln B of a free forcing alone, places × alikenesses × lengths × amplitudes.
-        accompanied: the same beside other hypotheses, over no gap.
-        beside: parts of the probability of "unknown", by what acts beside it.
+        visibility: detectability λ of each effect in this record, per unit of its size.
+        forcing: ln B of a free forcing alone, places × correlations × lengths × amplitudes.
+        accompanied: the same together with other hypotheses, over no gap.
+        beside: parts of the probability of "unknown", by the effects that act together with it.
         n_data: number of data.
     """
 
@@ -84,7 +91,7 @@ def diagnose(
     *,
     effects: Sequence[Effect] = CATALOGUE,
     prior_scale: float = 1.0,
-    tell: Tell = silent,
+    progress: ProgressCallback = no_progress,
 ) -> list[Diagnosis]:
     """Diagnose a batch of records of one shape.
 
@@ -92,7 +99,7 @@ def diagnose(
         batch: records with a leading axis, see `record.stacked`.
         effects: the catalogue.
         prior_scale: factor on the prior standard deviation of every size.
-        tell: told of progress.
+        progress: called after each block of jobs.
 
     Raises:
         ValueError: there is no effect, or the prior scale is not positive.
@@ -108,7 +115,7 @@ def diagnose(
     B, E = batch.period.shape[0], len(effects)
     base = run_fits(
         batch, range(B), [(-1, -1)] * B, base_start(batch), numbers, effects,
-        step="fitting the base model", tell=tell,
+        step="fitting the base model", progress=progress,
     )  # fmt: skip
     if not np.all(base.sound):
         bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
@@ -124,22 +131,22 @@ def diagnose(
     parts: list[Fitted] = []
     if np.any(free):
         start = x[record[free]]
-        fits = _best_of_starts(batch, record[free], pairs[free], start, numbers, effects, tell)
+        fits = _best_of_starts(batch, record[free], pairs[free], start, numbers, effects, progress)
         parts.append(fits)
     if curved.size:
-        parts.append(along_ridges(batch, base, curved, numbers, effects, tell))
+        parts.append(along_ridges(batch, base, curved, numbers, effects, progress))
     back = np.argsort(~free, kind="stable").argsort()
     single = jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
     single_log_B = np.asarray(single.log_evidence).reshape(B, E) - base.log_evidence[:, None]
 
     scan = run_scans(batch, np.arange(B), x, np.zeros((B, E)), numbers, effects)
-    found, scanned = _pairs(batch, single, single_log_B, numbers, effects, tell)
-    forced = _forcings(batch, base, single, found, numbers, effects, tell)
+    found, scanned = _pairs(batch, single, single_log_B, numbers, effects, progress)
+    forced = _forcings(batch, base, single, found, numbers, effects, progress)
     counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
     return [
         _assembled(batch, effects, b, base, single, found.get(b, {}),
-                   scanned.get(b) or _gains(single_log_B[b], take(scan, b)),
-                   take(scan, b), forced[b], int(counts[b]))
+                   scanned.get(b) or _gains(single_log_B[b], row_of(scan, b)),
+                   row_of(scan, b), forced[b], int(counts[b]))
         for b in range(B)
     ]  # fmt: skip
 
@@ -151,11 +158,18 @@ def _best_of_starts(
     starts: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
-    tell: Tell,
+    progress: ProgressCallback,
 ) -> Fitted:
-    """Fits from size zero, some also from the size expected; the better one is kept."""
+    """Fits from size zero, some also from the expected size; the better one is returned."""
     near = run_fits(
-        batch, record, pairs, starts, numbers, effects, step="fitting every effect", tell=tell
+        batch,
+        record,
+        pairs,
+        starts,
+        numbers,
+        effects,
+        step="fitting every effect",
+        progress=progress,
     )
     curved = np.array([effect.two_starts for effect in effects])
     again = np.flatnonzero(curved[pairs[:, 0]])
@@ -165,7 +179,7 @@ def _best_of_starts(
     moved[:, -2] = 1.0 / SCALE
     far = run_fits(
         batch, record[again], pairs[again], moved, numbers, effects,
-        step="fitting from a second start", tell=tell,
+        step="fitting from a second start", progress=progress,
     )  # fmt: skip
     better = far.sound & (far.log_evidence > near.log_evidence[again])
 
@@ -180,7 +194,7 @@ def _best_of_starts(
 T = TypeVar("T", Fitted, Scan)
 
 
-def take(found: T, k: int) -> T:
+def row_of(found: T, k: int) -> T:
     """One fit of many, or one scan."""
     return jax.tree.map(lambda leaf: leaf[k], found)
 
@@ -198,7 +212,7 @@ def _pairs(
     log_B: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
-    tell: Tell,
+    progress: ProgressCallback,
 ) -> tuple[dict[int, dict[tuple[int, int], Fitted]], dict[int, dict[tuple[int, int], float]]]:
     """Fits of the most promising pairs, and gains of all partners by the scan, by record."""
     E = len(effects)
@@ -246,13 +260,13 @@ def _pairs(
         numbers,
         effects,
         step="fitting pairs of effects",
-        tell=tell,
+        progress=progress,
     )
     found: dict[int, dict[tuple[int, int], Fitted]] = {}
     for k, (b, i, j) in enumerate(jobs):
         pairs = found.setdefault(b, {})
         if (i, j) not in pairs or fitted.log_evidence[k] > pairs[i, j].log_evidence:
-            pairs[i, j] = take(fitted, k)
+            pairs[i, j] = row_of(fitted, k)
     return found, scanned
 
 
@@ -263,16 +277,16 @@ def _forcings(
     pairs: Mapping[int, Mapping[tuple[int, int], Fitted]],
     numbers: Catalogue,
     effects: tuple[Effect, ...],
-    tell: Tell,
+    progress: ProgressCallback,
 ) -> list[dict[tuple[int, ...], np.ndarray]]:
-    """Ln Z of a free forcing alone and beside the likeliest hypotheses of every record."""
+    """Ln Z of a free forcing alone and with the likeliest hypotheses of every record."""
     B, E = batch.period.shape[0], len(effects)
     jobs: list[tuple[int, tuple[int, int]]] = []
     x = []
     for b in range(B):
         jobs.append((b, (-1, -1)))
         x.append(np.asarray(base.x)[b])
-        fits = {(e, -1): take(single, b * E + e) for e in range(E)} | dict(pairs.get(b, {}))
+        fits = {(e, -1): row_of(single, b * E + e) for e in range(E)} | dict(pairs.get(b, {}))
         share = {True: PRIOR["single"] / E, False: PRIOR["pair"] / max(E * (E - 1) / 2, 1)}
         score = {h: float(f.log_evidence) + np.log(share[h[1] < 0]) for h, f in fits.items()}
         score = {h: v for h, v in score.items() if v > float(base.log_evidence[b]) - WORTH_PAIRING}
@@ -280,7 +294,13 @@ def _forcings(
             jobs.append((b, h))
             x.append(np.asarray(fits[h].x))
     log_Z = run_forcings(
-        batch, [b for b, _ in jobs], [h for _, h in jobs], np.array(x), numbers, effects, tell=tell
+        batch,
+        [b for b, _ in jobs],
+        [h for _, h in jobs],
+        np.array(x),
+        numbers,
+        effects,
+        progress=progress,
     )
     found: list[dict[tuple[int, ...], np.ndarray]] = [{} for _ in range(B)]
     for (b, h), value in zip(jobs, log_Z, strict=True):
@@ -302,8 +322,8 @@ def _assembled(
 ) -> Diagnosis:
     names = tuple(effect.id for effect in effects)
     E = len(names)
-    fits: dict[Hypothesis, Fitted] = {(): take(base, b)}
-    fits |= {(name,): take(single, b * E + e) for e, name in enumerate(names)}
+    fits: dict[Hypothesis, Fitted] = {(): row_of(base, b)}
+    fits |= {(name,): row_of(single, b * E + e) for e, name in enumerate(names)}
     for (i, j), fitted in pairs.items():
         fits[(names[i], names[j])] = fitted
     log_Z = {h: float(f.log_evidence) for h, f in fits.items()}
@@ -337,7 +357,7 @@ def _unfitted(
     scanned: Mapping[tuple[int, int], float],
     names: tuple[str, ...],
 ) -> dict[Hypothesis, float]:
-    """Ln Z of pairs that were scanned and not fitted."""
+    """Ln Z of pairs that were scanned but not fitted."""
     gains: dict[str, list[float]] = {}
     for pair in (h for h in log_Z if len(h) == 2):
         gains.setdefault(pair[0], []).append(log_Z[pair] - log_Z[pair[:1]])
@@ -347,7 +367,7 @@ def _unfitted(
         pair = (names[i], names[j])
         if frozenset(pair) not in known and np.isfinite(log_Z[pair[:1]]):
             known.add(frozenset(pair))
-            # of the partners that the scan chose, the least gain bounds what it promises of others
+            # the least gain of the fitted partners bounds the gain predicted for others
             own = sorted(gains.get(names[i], []), reverse=True)[: max(PARTNERS)]
             found[pair] = log_Z[pair[:1]] + min([gain, *own])
     return found

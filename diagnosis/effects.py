@@ -1,4 +1,4 @@
-"""What an effect is: a one-parameter extension of the circuit, with all that people need to know.
+"""Effects: one-parameter extensions of the circuit, each with its meaning for the reader.
 
 A new effect takes ten lines and no other change::
 
@@ -16,7 +16,7 @@ A new effect takes ten lines and no other change::
     )
     diagnose(records, effects=(*CATALOGUE, leak))
 
-The prior of the size φ has no mass at zero, where an effect would be no cause of anything,
+The prior of the size φ vanishes at zero, where an effect explains nothing,
 
     p(φ) = φ²/s² N(φ; 0, s²),    s = sd/√3,
 
@@ -34,13 +34,13 @@ from diagnosis.circuit import Circuit
 
 Place = Literal["ostium", "wall", "microvasculature", "pump", "inlet", "sensor"]
 PLACES: tuple[Place, ...] = ("ostium", "wall", "microvasculature", "pump", "inlet", "sensor")
-"""Where an effect may act, from the vessel's mouth to the instruments."""
+"""Places where an effect may act, from the ostium to the instruments."""
 
 GUESSED_FORM = 0.15
-"""Share of an effect's waveform that may differ where its equation is a guess."""
+"""Relative uncertainty of an effect's waveform whose equation is a guess."""
 
 CRUDE_FORM = 0.3
-"""The same where the equation stands for a whole family of shapes."""
+"""The same if the equation stands for a whole family of shapes."""
 
 SCALE = 3.0**-0.5
 """Width s of the prior over its root mean square."""
@@ -55,20 +55,20 @@ class Effect(NamedTuple):
     Attributes:
         id: its name in records and results.
         place: where it acts.
-        unit: unit of its size, a clinical one, since people read sizes.
+        unit: clinical unit of its size.
         sd: root mean square of the size a priori [unit].
         change: the circuit, which is in CGS, with this effect at a size in its unit; size 0 must
             change nothing.
-        equation: what it adds, in one line.
-        sentence: what it means, for people; begins in lower case.
-        settled_by: the measurement that would settle it.
-        source: where range and equation come from.
+        equation: the equation that it adds or changes, in one line.
+        sentence: plain-language meaning, beginning in lower case.
+        settled_by: the measurement that would confirm or exclude it.
+        source: origin of the equation and of the range of sizes.
         one_sided: whether only positive sizes exist.
-        tolerance: relative freedom of the waveform, 0 where the form is exact.
-        nonlinear: whether the flow through the ostium is no longer linear.
-        two_starts: whether its fit may have two optima, so that it also starts at one sd.
-        ridge: whether size and α lie on a curved ridge where no waveform was measured, so that the
-            evidence is an integral over the size, see `ridge`; of one-sided effects only.
+        tolerance: relative uncertainty of the waveform, 0 if the equation is exact.
+        nonlinear: whether it makes the pressure drop of the ostium nonlinear in the flow.
+        two_starts: whether its fit may have two optima and also starts at one sd.
+        ridge: whether size and α are confounded along a curved ridge without waveforms, so that
+            the evidence is an integral over the size, see `ridge`; one-sided effects only.
     """
 
     id: str
@@ -102,11 +102,11 @@ def apply_effects(
     return circuit
 
 
-def size_of(scale: Array, one_sided: Array, x: Array) -> Array:
+def bounded_size(scale: Array, one_sided: Array, x: Array) -> Array:
     """Size of an effect at a standardised variable x (the prior's width is one).
 
-    Below zero a one-sided size levels off smoothly at −`NEGATIVE_LIMIT`: fits may look there,
-    the evidence then counts only the positive half of the posterior.
+    Below zero a one-sided size levels off smoothly at −`NEGATIVE_LIMIT`. Fits may go there; the
+    evidence counts only the positive half of the posterior.
     """
     below = NEGATIVE_LIMIT * jnp.expm1(jnp.minimum(x, 0.0) / NEGATIVE_LIMIT)
     bounded = jnp.where(x < 0.0, below, x)

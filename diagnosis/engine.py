@@ -1,8 +1,8 @@
-"""The numerical work of a diagnosis: few compiled functions over blocks of jobs.
+"""Compiled fits, scans and forcings over blocks of jobs.
 
-A job is one record with one hypothesis. Jobs go in blocks of `BLOCK`, the last one padded, so that
-every batch size and every kind of hypothesis runs the same compiled code; within a block all fits
-take as many steps as the slowest.
+A job is one record with one hypothesis. Jobs run in blocks of `BLOCK`, the last one padded, so
+that all batch sizes and hypotheses share the same compiled code; within a block all fits take as
+many steps as the slowest.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,14 +21,14 @@ from diagnosis.prediction import n_unknowns
 from diagnosis.scan import Scan, linearise, score_scan
 
 BLOCK = 16
-"""Jobs advanced together; more leave a CPU's caches, fewer waste its vectors."""
+"""Jobs advanced together; more exceed the caches of a CPU, fewer waste its vector units."""
 
-Tell = Callable[[str, int, int], None]
-"""Called with the name of a step, the jobs done and the jobs in all."""
+ProgressCallback = Callable[[str, int, int], None]
+"""Called with the name of a step, the number of jobs done and the total."""
 
 
-def silent(step: str, done: int, of: int) -> None:
-    """Tell nobody."""
+def no_progress(step: str, done: int, of: int) -> None:
+    """Report nothing."""
 
 
 def _block(job: Callable[..., Any]) -> Callable[..., Any]:
@@ -75,7 +75,7 @@ def _in_blocks(
     batch: Measured,
     record: np.ndarray,
     arrays: Sequence[np.ndarray],
-    told: Callable[[int], None],
+    advance: Callable[[int], None],
 ) -> Any:
     """Call a function on blocks of jobs and join what it returns, as NumPy arrays."""
     host = jax.tree.map(np.asarray, batch)
@@ -86,7 +86,7 @@ def _in_blocks(
         chosen = jax.tree.map(lambda leaf, p=padded: leaf[record[p]], host)
         found = function(chosen, *(a[padded] for a in arrays))
         parts.append(jax.tree.map(lambda leaf, n=at.size: np.asarray(leaf)[:n], found))
-        told(at.size)
+        advance(at.size)
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
@@ -98,9 +98,9 @@ def run_fits(
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     *,
-    held: np.ndarray | None = None,
+    fixed_size: np.ndarray | None = None,
     step: str = "fitting",
-    tell: Tell = silent,
+    progress: ProgressCallback = no_progress,
 ) -> Fitted:
     """Fit hypothesis `pairs[j]` to record `record[j]`.
 
@@ -111,15 +111,16 @@ def run_fits(
         starts: where each fit starts, standardised.
         numbers: of the catalogue.
         effects: the catalogue.
-        held: size at which the first effect of each job is held, see `fit_hypothesis`; None where
-            all are fitted.
-        step: what to call this, for `tell`.
-        tell: told of progress.
+        fixed_size: fixed size of the first effect of each job, see `fit_hypothesis`; None fits all.
+        step: name of this step for `progress`.
+        progress: called after each block.
     """
     fit = partial(_fit_block, numbers=numbers, effects=effects)
-    if held is None:
-        held = np.full(len(record), FITTED)
-    return _by_kind(fit, batch, record, pairs, (starts, held), effects, partial(tell, step))
+    if fixed_size is None:
+        fixed_size = np.full(len(record), FITTED)
+    return _by_kind(
+        fit, batch, record, pairs, (starts, fixed_size), effects, partial(progress, step)
+    )
 
 
 def _by_kind(
@@ -129,25 +130,25 @@ def _by_kind(
     pairs: Sequence[tuple[int, int]] | np.ndarray,
     arrays: tuple[np.ndarray, ...],
     effects: tuple[Effect, ...],
-    tell: Callable[[int, int], None],
+    progress: Callable[[int, int], None],
 ) -> Any:
-    """Call a function on jobs, those with a linear and those with a nonlinear ostium apart."""
+    """Call a function on jobs, separately for linear and nonlinear ostia."""
     record, pairs = np.asarray(record, int), np.asarray(pairs, int).reshape(-1, 2)
     bent = np.array([effect.nonlinear for effect in effects] + [False])
     kind = bent[pairs].any(axis=1)
     parts, order, done = [], [], 0
 
-    def told(count: int) -> None:
+    def advance(count: int) -> None:
         nonlocal done
         done += count
-        tell(done, record.size)
+        progress(done, record.size)
 
     for nonlinear in (False, True):
         at = np.flatnonzero(kind == nonlinear)
         if at.size:
             called = partial(function, nonlinear=nonlinear)
             own = [pairs[at], *(a[at] for a in arrays)]
-            parts.append(_in_blocks(called, batch, record[at], own, told))
+            parts.append(_in_blocks(called, batch, record[at], own, advance))
             order.append(at)
     back = np.argsort(np.concatenate(order))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
@@ -174,12 +175,12 @@ def run_forcings(
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     *,
-    tell: Tell = silent,
+    progress: ProgressCallback = no_progress,
 ) -> np.ndarray:
     """Ln Z of a free forcing at every place beside hypothesis `pairs[j]` of record `record[j]`."""
     force = partial(_force_block, numbers=numbers, effects=effects)
-    told = partial(tell, "looking for what is not in the catalogue")
-    return _by_kind(force, batch, record, pairs, (x,), effects, told)
+    counted = partial(progress, "looking for what is not in the catalogue")
+    return _by_kind(force, batch, record, pairs, (x,), effects, counted)
 
 
 def base_start(batch: Measured) -> np.ndarray:

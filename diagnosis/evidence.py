@@ -1,13 +1,13 @@
-"""Evidence of a hypothesis about its optimum, with room for what its equations do not know.
+"""Laplace evidence of a hypothesis, including the uncertainty of its equations.
 
-About the optimum x of a hypothesis the data are taken as linear in x. With W whitening the noise,
+The prediction is linearised at the optimum x of a hypothesis. With W whitening the noise,
 e = W (y − f(x)) + J x and columns F of a further Gaussian uncertainty,
 
     e ~ N(0, I + F Fᵀ + J Jᵀ),      ln Z = −½ eᵀ C⁻¹ e − ½ ln|C|     (+ ln 2Φ(m/s) if one-sided),
 
 m and s being posterior mean and sd of the size. F is block diagonal over conditions. Two kinds:
 
-* form tolerance of an effect, F = W ρ diag(|Δf|) B, |Δf| what it changes about each time;
+* form tolerance of an effect, F = W ρ diag(|Δf|) B, |Δf| its local change of the prediction;
 * a free smooth forcing at a place of the circuit, F = W a (∂f/∂forcing) B: "not in the catalogue".
 
 B holds the first harmonics weighted by the spectrum of exp(−2 sin²(πΔ)/(2πℓ)²). Data are the real

@@ -1,7 +1,7 @@
 """A free smooth forcing at a place of the circuit: "something acts here, not in the catalogue".
 
-At each place a waveform for every condition enters the circuit; its prior is a periodic Gaussian
-process of some amplitude and length:
+At each place a waveform is added for every condition; its prior is a periodic Gaussian process
+with some amplitude and correlation length:
 
 | place | the forcing |
 |---|---|
@@ -12,18 +12,19 @@ process of some amplitude and length:
 | inlet | added to the aortic pressure itself |
 | sensor | added to the aortic trace, or to the distal trace |
 
-A cause acts in every condition, at about the same time of the beat; only how much may differ. With
-the alikeness s the covariance of the waveforms of two conditions is that of one times
+A cause acts in every condition at about the same time of the beat, with different strengths. With a
+correlation s between conditions, the covariance of the waveforms of two conditions is that of one
+times
 
     s + (1 − s) δ.
 
-Amplitudes, lengths and alikenesses are averaged with equal weights. The mean of a place's evidences
+All amplitudes, lengths and correlations have equal weights. The mean of a place's evidences
 over the evidence of no gap says where in the *model* a cause may sit; the mean over all places is
 the hypothesis "unknown". (Weak-constraint reading: Trémolet 2006, Q J R Meteorol Soc 132:2483.)
 
-What is not in the catalogue may act alone or beside an effect that is. Where it acts the optimum
-without it is a poor place to linearise: the evidence is taken about the mean with the likeliest
-forcing of each place.
+An effect outside the catalogue may act alone or together with one of the catalogue. The optimum
+without it is then a poor point for linearisation: the evidence is evaluated at the posterior mean
+with the likeliest forcing of each place.
 """
 
 from collections.abc import Sequence
@@ -39,14 +40,14 @@ from diagnosis.effects import Effect
 from diagnosis.evidence import absorbed, posterior_of_products, smooth_scale, split
 from diagnosis.hypothesis import (
     Catalogue,
-    beat_under,
     by_condition,
     form_uncertainty,
     log_prior_of_sizes,
     one_sided_unknowns,
+    sensor_model,
 )
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
-from diagnosis.prediction import Situation, as_data, selection, situations
+from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
 from lumped.units import MMHG
 
 AMPLITUDES = (0.5 * MMHG, 1.5 * MMHG, 4.0 * MMHG, 10.0 * MMHG)
@@ -55,11 +56,11 @@ AMPLITUDES = (0.5 * MMHG, 1.5 * MMHG, 4.0 * MMHG, 10.0 * MMHG)
 LENGTHS = (0.03, 0.12)
 """Correlation lengths [beats]."""
 
-ALIKE = (0.0, 0.9)
-"""How alike the forcing is in all conditions."""
+CONDITION_CORRELATIONS = (0.0, 0.9)
+"""Correlations s of the forcing between conditions."""
 
-HARMONICS = 18
-"""Harmonics of a forcing."""
+FORCING_HARMONICS = 18
+"""Harmonics of a forcing, besides the mean."""
 
 PASSES = 2
 """Linearisations: about the optimum without a forcing, then about the mean with it."""
@@ -74,7 +75,7 @@ def forcing_evidence(
     *,
     nonlinear: bool,
 ) -> Float[Array, "p s l a"]:
-    """Ln Z of a forcing at each place beside a hypothesis, by alikeness, length and amplitude.
+    """Ln Z of a forcing at each place beside a hypothesis, by correlation, length and amplitude.
 
     Args:
         measured: the record.
@@ -85,19 +86,19 @@ def forcing_evidence(
         nonlinear: whether any of them makes the ostium nonlinear (static).
     """
     sided = one_sided_unknowns(measured, numbers, pair)
-    beat = beat_under(effects, numbers, pair, nonlinear=nonlinear)
-    W, data, cases = whitener_of(measured), data_of(measured), situations(measured)
+    beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
+    W, data, cases = whitener_of(measured), data_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     form = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
-    none = jnp.zeros(circuit.HARMONICS - HARMONICS)
+    none = jnp.zeros(circuit.HARMONICS - FORCING_HARMONICS)
 
-    def shown(case: Situation, own: Array, place: Array, c: Array) -> Array:
-        re, im = c[: HARMONICS + 1], c[HARMONICS + 1 :]
+    def shown(case: ConditionSettings, own: Array, place: Array, c: Array) -> Array:
+        re, im = c[: FORCING_HARMONICS + 1], c[FORCING_HARMONICS + 1 :]
         wave = as_harmonics(jnp.concatenate([re, none, im, none]))
         at = (jnp.arange(len(FORCED)) == place).astype(complex)
-        return as_data(beat(case, own, at[:, None] * wave[None, :]), measured.n_sensors)
+        return observations(beat(case, own, at[:, None] * wave[None, :]), measured.n_sensors)
 
-    zero = jnp.zeros(2 * HARMONICS + 1)
+    zero = jnp.zeros(2 * FORCING_HARMONICS + 1)
 
     def about(x: Array, place: Array) -> tuple[Array, Array]:
         """Evidences, and the mean with the likeliest of the forcings."""
@@ -106,7 +107,7 @@ def forcing_evidence(
         )
         value, J = slopes(x)
 
-        def response(W: Whitener, case: Situation, own: Array) -> Array:
+        def response(W: Whitener, case: ConditionSettings, own: Array) -> Array:
             return W.columns(jax.jacfwd(shown, argnums=3)(case, own, place, zero))
 
         F = jax.vmap(response)(W, cases, chooser @ x)
@@ -123,7 +124,7 @@ def forcing_evidence(
 
     found = jax.lax.map(at_place, jnp.arange(len(FORCED)))
     found = jnp.where(jnp.isfinite(found), found, -jnp.inf)
-    return found.reshape(len(FORCED), len(ALIKE), len(LENGTHS), len(AMPLITUDES))
+    return found.reshape(len(FORCED), len(CONDITION_CORRELATIONS), len(LENGTHS), len(AMPLITUDES))
 
 
 def forcing_mixture(
@@ -134,7 +135,7 @@ def forcing_mixture(
     pair: Int[Array, " 2"],
     sided: Float[Array, " k"],
 ) -> tuple[Float[Array, " n"], Float[Array, "n k"]]:
-    """Ln Z and posterior mean for every alikeness, length and amplitude of a forcing.
+    """Ln Z and posterior mean for every correlation, length and amplitude of a forcing.
 
     Args:
         form: columns of the form tolerance, whitened.
@@ -148,14 +149,14 @@ def forcing_mixture(
     columns = jnp.concatenate([form, F, J, e[..., None]], axis=-1)
     products = jnp.einsum("cdm,cdl->cml", columns, columns)
     products, form_volume = jax.vmap(lambda one: absorbed(one, form.shape[-1]))(products)
-    scales = [a * smooth_scale(length, HARMONICS) for length in LENGTHS for a in AMPLITUDES]
+    scales = [a * smooth_scale(length, FORCING_HARMONICS) for length in LENGTHS for a in AMPLITUDES]
     ones = np.ones(k + 1)
-    table = [(s, np.concatenate([scale, ones])) for s in ALIKE for scale in scales]
+    table = [(s, np.concatenate([scale, ones])) for s in CONDITION_CORRELATIONS for scale in scales]
     alike, weight = (jnp.asarray(np.array(column)) for column in zip(*table, strict=True))
 
     def one(s: Array, weight: Array) -> tuple[Array, Array]:
         scaled = products * (weight[:, None] * weight[None, :])[None]
-        # each condition's own part of the forcing goes first, then the part that all share
+        # first absorb each condition's own part of the forcing, then the part common to all
         root = jnp.concatenate([jnp.full(m, jnp.sqrt(1.0 - s)), jnp.ones(m + k + 1)])
         twice = jnp.concatenate([jnp.arange(m), jnp.arange(m + k + 1)])
         doubled = scaled[:, twice][:, :, twice] * (root[:, None] * root[None, :])[None]

@@ -2,7 +2,7 @@
 
     z = (predicted − measured) / sd,    p = erfc(|z|/√2)    (two-sided, normal errors).
 
-A small p says that measurement error alone does not explain the gap; it does not say what does.
+A small p means that measurement error alone does not explain the gap; it does not tell the cause.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ fits here: the prediction rests on a measured resting ratio and is compared with
 
 
 class RatioGap(NamedTuple):
-    """How far a prediction lies from a measurement.
+    """Difference of a prediction from a measurement.
 
     Attributes:
         difference: predicted less measured [-].

@@ -1,7 +1,7 @@
-"""Hypotheses "none", one effect, or two effects: fit, evidence, and what the sensors would show.
+"""Hypotheses "none", one effect, or two effects: fit, evidence and predicted signals.
 
-All of them are one compiled function of the record and the positions i, j of the effects in the
-catalogue (−1 for none), so that a batch of records and effects is one map. Unknowns are those of
+All are one compiled function of the record and the positions i, j of the effects in the catalogue
+(−1 for none), so that records and effects are batched by one map. Unknowns are those of
 the base model and the standardised sizes of the two effects; an unused size has no effect on
 anything and its prior integrates to one. The fit minimises |W (y − f)|² + |x|² by the
 Levenberg-Marquardt method of `descent`, from the base optimum on, so that it cannot end above
@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, Beat
+from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, SensorSpectra
 from diagnosis.descent import descend
-from diagnosis.effects import SCALE, Effect, size_of
+from diagnosis.effects import SCALE, Effect, bounded_size
 from diagnosis.evidence import (
     Posterior,
     Whitened,
@@ -31,24 +31,24 @@ from diagnosis.evidence import (
 from diagnosis.measured import Measured, Whitener, correlation, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
-    Situation,
-    as_data,
+    ConditionSettings,
     as_waves,
+    condition_settings,
     n_unknowns,
+    observations,
     predict,
     selection,
-    situations,
 )
 
 FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
-"""Smoothness of what a guessed form may get wrong [beats], and harmonics kept of it."""
+"""Correlation lengths of the error of a guessed form [beats], and its number of harmonics."""
 
 FORM_SHIFT = 0.06
-"""By how much an equation may be wrong about the time of its effect [beats]."""
+"""Uncertainty of the time at which an effect acts [beats]."""
 
 
 FITTED = np.nan
-"""In place of the size at which an effect is held: it is an unknown."""
+"""In place of a fixed size: the size is an unknown of the fit."""
 
 
 class Fitted(NamedTuple):
@@ -63,7 +63,7 @@ class Fitted(NamedTuple):
         residual: whitened residuals by condition.
         sizes: size of every effect of the catalogue [its unit].
         size_sd: posterior standard deviations of the two sizes [their units].
-        waves: what the sensors would show, conditions × 3 sensors × samples
+        waves: predicted signals of the sensors, conditions × 3 sensors × samples
             [dyn/cm², cm³/s].
         sound: whether the result is finite.
     """
@@ -109,7 +109,7 @@ def fit_hypothesis(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     start: Float[Array, " k"],
-    held: Float[ArrayLike, ""] = FITTED,
+    fixed_size: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
 ) -> Fitted:
@@ -121,17 +121,17 @@ def fit_hypothesis(
         numbers: of the catalogue.
         pair: positions of the two effects, −1 for none.
         start: where the fit starts, standardised.
-        held: standardised size at which the first effect is held, the evidence being that given
-            this size, or `FITTED`.
+        fixed_size: fixed standardised size of the first effect, the evidence being conditional on
+            it; or `FITTED`.
         nonlinear: whether any of the two makes the ostium nonlinear (static).
     """
     k = n_unknowns(measured)
-    W, data, cases = whitener_of(measured), data_of(measured), situations(measured)
+    W, data, cases = whitener_of(measured), data_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    beat = beat_under(effects, numbers, pair, held, nonlinear=nonlinear)
+    beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
 
-    def whitened(W: Whitener, case: Situation, own: Array) -> Array:
-        return W(as_data(beat(case, own), measured.n_sensors))
+    def whitened(W: Whitener, case: ConditionSettings, own: Array) -> Array:
+        return W(observations(beat(case, own), measured.n_sensors))
 
     slopes = by_condition(whitened, W, cases, chooser)
 
@@ -142,15 +142,17 @@ def fit_hypothesis(
 
     def about(x: Array) -> tuple[Array, Whitened]:
         """The model linearised at x."""
-        # below zero a one-sided size has levelled off and lost its slope: look from zero
+        # below zero a one-sided size is flat and has no derivative: linearise at zero
         inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
         value, J = slopes(inside)
         return inside, Whitened(observed - value + J @ inside, J)
 
     def freedom(x: Array) -> Array:
-        return form_uncertainty(measured, effects, numbers, pair, x, held, nonlinear=nonlinear)
+        return form_uncertainty(
+            measured, effects, numbers, pair, x, fixed_size, nonlinear=nonlinear
+        )
 
-    # the optimum takes the equations at their word: steps to where they may be a little wrong
+    # the optimum assumes exact equations: iterate the posterior mean with their uncertainty
     first = about(optimum)
     second = about(posterior(first[1], freedom(first[0]), sided).mean)
     F = freedom(second[0])
@@ -169,21 +171,21 @@ def fit_hypothesis(
     waves = jax.vmap(as_waves)(seen)
     log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
     log_Z = jnp.where(sound, log_Z, -jnp.inf)
-    x = x.at[k].set(jnp.where(jnp.isnan(held), x[k], held))
-    sizes = sizes_under(numbers, pair, x[k:])
+    x = x.at[k].set(jnp.where(jnp.isnan(fixed_size), x[k], fixed_size))
+    sizes = effect_sizes(numbers, pair, x[k:])
     return Fitted(x, log_Z, chi2, misfit, cost, residual, sizes, sd, waves, sound)
 
 
 def places_of(numbers: Catalogue, pair: Int[Array, " 2"]) -> Float[Array, "2 e"]:
-    """1 where an effect of a hypothesis stands in the catalogue, else 0."""
+    """Selection matrix of the hypothesis: 1 at the position of each effect, else 0."""
     return (pair[:, None] == jnp.arange(numbers.sd.shape[0])[None, :]).astype(float)
 
 
-def sizes_under(
+def effect_sizes(
     numbers: Catalogue, pair: Int[Array, " 2"], x: Float[Array, " 2"]
 ) -> Float[Array, " e"]:
     """Size of every effect of the catalogue [its unit] from the two standardised ones."""
-    return size_of(numbers.sd, numbers.one_sided, x @ places_of(numbers, pair))
+    return bounded_size(numbers.sd, numbers.one_sided, x @ places_of(numbers, pair))
 
 
 def one_sided_unknowns(
@@ -194,30 +196,30 @@ def one_sided_unknowns(
     return jnp.concatenate([jnp.zeros(n_unknowns(measured)), of_sizes])
 
 
-def beat_under(
+def sensor_model(
     effects: Sequence[Effect],
     numbers: Catalogue,
     pair: Int[Array, " 2"],
-    held: Float[ArrayLike, ""] = FITTED,
+    fixed_size: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
-) -> Callable[..., Beat]:
-    """What the sensors show under a hypothesis, as a function of a condition and its unknowns.
+) -> Callable[..., SensorSpectra]:
+    """Signals of the sensors under a hypothesis, as a function of a condition and its unknowns.
 
     Arguments are those of `fit_hypothesis`. The function takes `forced` as `predict` does, and
     `share`, by which the two sizes are multiplied.
     """
-    free = jnp.stack([jnp.isnan(held), jnp.asarray(True)])
-    fixed = jnp.stack([jnp.asarray(held), jnp.zeros(())])
+    free = jnp.stack([jnp.isnan(fixed_size), jnp.asarray(True)])
+    fixed = jnp.stack([jnp.asarray(fixed_size), jnp.zeros(())])
 
     def beat(
-        case: Situation,
+        case: ConditionSettings,
         own: Array,
         forced: Array | None = None,
         share: tuple[float, float] = (1.0, 1.0),
-    ) -> Beat:
+    ) -> SensorSpectra:
         sized = jnp.asarray(np.array(share)) * jnp.where(free, own[OWN:], fixed)
-        sizes = sizes_under(numbers, pair, sized)
+        sizes = effect_sizes(numbers, pair, sized)
         return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear, forced=forced)
 
     return beat
@@ -246,40 +248,40 @@ def form_uncertainty(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
-    held: Float[ArrayLike, ""] = FITTED,
+    fixed_size: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
 ) -> Float[Array, "c d m"]:
-    """Columns F of what the equations of a hypothesis may get wrong, see `evidence`.
+    """Columns F of the uncertainty of the equations of a hypothesis, see `evidence`.
 
     Arguments are those of `fit_hypothesis`, and x its optimum.
     """
     own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
-    cases, n = situations(measured), measured.n_sensors
-    beat = beat_under(effects, numbers, pair, held, nonlinear=nonlinear)
+    cases, n = condition_settings(measured), measured.n_sensors
+    beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
     tolerances = places_of(numbers, pair) @ numbers.tolerance
 
     seen = jax.vmap(beat)(cases, own)
-    waves, scalars = jax.vmap(as_waves)(seen), jax.vmap(lambda b: as_data(b, n)[-4:])(seen)
+    waves, scalars = jax.vmap(as_waves)(seen), jax.vmap(lambda b: observations(b, n)[-4:])(seen)
     power, scalar_power = jnp.zeros_like(waves), jnp.zeros_like(scalars)
     for place, share in enumerate(((0.0, 1.0), (1.0, 0.0))):
         without = jax.vmap(partial(beat, share=share))(cases, own)
         tolerance = tolerances[place]
         power += (tolerance * (waves - jax.vmap(as_waves)(without))) ** 2
-        change = scalars - jax.vmap(lambda b: as_data(b, n)[-4:])(without)
+        change = scalars - jax.vmap(lambda b: observations(b, n)[-4:])(without)
         scalar_power += (tolerance * change) ** 2
     return _form_columns(whitener_of(measured), power, scalar_power, n)
 
 
 def by_condition(
-    whitened: Callable[[Whitener, Situation, Array], Array],
+    whitened: Callable[[Whitener, ConditionSettings, Array], Array],
     W: Whitener,
-    cases: Situation,
+    cases: ConditionSettings,
     chooser: Float[Array, "c o k"],
 ) -> Callable[[Array], tuple[Array, Array]]:
     """Values of all conditions with their derivatives by all unknowns, as a function of those."""
 
-    def one(W: Whitener, case: Situation, own: Array) -> tuple[Array, Array]:
+    def one(W: Whitener, case: ConditionSettings, own: Array) -> tuple[Array, Array]:
         def with_value(own: Array) -> tuple[Array, Array]:
             value = whitened(W, case, own)
             return value, value
@@ -302,8 +304,8 @@ def _form_columns(
 ) -> Float[Array, "c d m"]:
     """Columns F of the form tolerance: smooth random waveforms about where the effects act.
 
-    Their variance is the tolerated share of what each effect changes, squared, averaged over
-    neighbouring times: an equation may be wrong about how much and about when.
+    Their variance is the squared product of tolerance and change by the effect, averaged over
+    neighbouring times: both strength and timing of an effect are uncertain.
     """
     lengths = [smooth_scale(length, FORM_HARMONICS) ** 2 for length in FORM_LENGTHS]
     scale = np.sqrt(np.mean(lengths, axis=0))
@@ -312,7 +314,7 @@ def _form_columns(
     basis = jnp.asarray(TO_SAMPLES[:, kept] * scale)
     near = correlation(FORM_SHIFT)
     near = jnp.asarray(near / near.sum(axis=1, keepdims=True))
-    # the root has no slope at zero, and none is needed: nothing is differentiated here
+    # the derivative of the root at zero is infinite, but nothing is differentiated here
     envelope = jnp.sqrt(power @ near.T)
     C, m = power.shape[0], basis.shape[1]
     rows = TO_SAMPLES.shape[1]

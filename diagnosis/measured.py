@@ -1,21 +1,22 @@
-"""A measured record as arrays: what was measured, how well, and what was known before.
+"""A measured record as arrays: data, their noise, and priors.
 
-A record holds C conditions. Where both pressures (and flow) were recorded over the beat, waveforms
-are used and means are not: they would count the same trace twice. Units are CGS.
+A record holds C conditions. If both pressures (and flow) were recorded over the beat, the waveforms
+are used and the means are not, which would count the same trace twice. Units are CGS.
 
-Noise of a waveform of n samples a beat: half white (share w), half correlated over a few hundredths
-of a beat, and a slow offset of each trace. No record states that length: k(Δ) is the mean of
-correlations over `NOISE_LENGTHS`. Noise is stationary, so that harmonics are independent: with κ_k
+The noise of a waveform of n samples a beat is half white (share w), half correlated over a few
+hundredths of a beat, plus a slow offset of each trace. Records do not state the correlation length:
+k(Δ) is the mean of correlations over `NOISE_LENGTHS`. Stationary noise has independent harmonics:
+with κ_k
 the harmonics of k(Δ), the real and imaginary parts of harmonic k have the variance
 
     2 sd² (w/n + (1 − w) κ_k),      the mean has  sd² (w/n + (1 − w) κ_0) + offset²,
 
-and harmonics from n/2 on were not measured. Where beats were folded, what their scatter says stands
-in place of sd² (…), see `scatter`.
+and harmonics from n/2 on were not measured. For folded beats their scatter replaces sd² (…), see
+`scatter`.
 
-What moves all sensors and harmonics together, as the level or the form of single beats or an error
-of the start of ejection does, is not independent. It has columns U of data, and with z = y/sd, V =
-U/sd,
+Variations that affect all sensors and harmonics together, such as the level or shape of single
+beats or an error of the start of ejection, are correlated. With columns U of data, z = y/sd and
+V = U/sd,
 
     noise of z ~ N(0, I + V Vᵀ),     whitened data = (I + V Vᵀ)^−½ z = z − V A (Vᵀ z),
     A = Q h(Λ) Qᵀ,   VᵀV = Q Λ Qᵀ,   h(λ) = (1 − 1/√(1 + λ))/λ.
@@ -36,7 +37,7 @@ WHITE_SHARE = 0.5
 """Share of the noise variance that is white."""
 
 NOISE_LENGTHS = (0.03, 0.042, 0.06, 0.085, 0.12)
-"""Correlation lengths that the rest may have [beats]."""
+"""Possible correlation lengths of the rest [beats]."""
 
 OFFSET_SD = 0.5 * MMHG
 """Slow offset of each pressure trace [dyn/cm²]."""
@@ -50,7 +51,7 @@ class Measured(eqx.Module):
 
     Attributes:
         period, P_systolic, P_diastolic: of each condition [s, dyn/cm²].
-        stress, adenosine, dobutamine: 1 where the condition is one, else 0.
+        stress, adenosine, dobutamine: 1 if the condition is under stress or that drug, else 0.
         order: order of acquisition.
         waves: mean beat of each sensor, in the order of `SENSORS`; no sensors where no waveforms
             were measured, two without flow.
@@ -67,7 +68,8 @@ class Measured(eqx.Module):
         wave_power: variance of the harmonics' real parts over 2 [(dyn/cm²)², (cm³/s)²], the mean
             first and without the offset; infinite where not measured, NaN where the noise above
             holds. None where it holds for all.
-        modes: columns U of what moves the data of a condition together [their unit]; None for none.
+        modes: columns U of the correlated variations of the data of a condition [their unit]; None
+            without any.
     """
 
     period: Float[Array, "*b c"]
@@ -166,12 +168,12 @@ def weights(measured: Measured) -> Float[Array, "c d"]:
 
 
 class Whitener(NamedTuple):
-    """What turns data and predictions of a condition into units of independent noise.
+    """Transforms data and predictions of a condition to units of independent noise.
 
     Attributes:
         weight: 1/sd of each datum, 0 where it was not measured.
-        modes: columns V; None where nothing moves data together.
-        lessened: A.
+        modes: columns V; None without correlated variations.
+        lessened: the matrix A.
     """
 
     weight: Float[Array, "*c d"]
@@ -198,14 +200,14 @@ class Whitener(NamedTuple):
 
 
 def whitener_of(measured: Measured) -> Whitener:
-    """What whitens the data of every condition of a record."""
+    """Whitener of every condition of a record."""
     weight = weights(measured)
     if measured.modes is None:
         return Whitener(weight)
     V = weight[..., None] * measured.modes
     value, Q = jnp.linalg.eigh(jnp.einsum("cdr,cdq->crq", V, V))
     value = jnp.maximum(value, 0.0)
-    # h tends to a half where a mode is far below the noise
+    # h tends to 1/2 for modes far below the noise
     small = value < 1e-6
     h = (1.0 - 1.0 / jnp.sqrt(1.0 + value)) / jnp.where(small, 1.0, value)
     h = jnp.where(small, 0.5, h)
@@ -213,7 +215,7 @@ def whitener_of(measured: Measured) -> Whitener:
 
 
 def data_of(measured: Measured) -> Float[Array, "c d"]:
-    """What was measured, in the order of `weights`; zero where it was not."""
+    """The data in the order of `weights`; zero where not measured."""
     present = jnp.isfinite(measured.wave_sd)[..., None]
     waves = jnp.where(present, measured.waves, 0.0) @ jnp.asarray(FROM_SAMPLES.T)
     scalars = jnp.where(jnp.isfinite(measured.scalar_sd), measured.scalars, 0.0)

@@ -1,14 +1,14 @@
-"""What cannot be told apart, and which measurement would.
+"""Effects that the data do not distinguish, and the measurement that would.
 
-From the score scan's g⊥ of each effect (its trace in the data that the unknowns cannot imitate):
-|g⊥|·size is how visible it is, the cosine of two of them how alike. A measurement that reads an
-effect with error σ, where hypothesis i puts it at m ± s and j at zero, gives the expected
-log Bayes factor
+The score scan gives g⊥ of each effect, the part of its change of the data that the unknowns cannot
+reproduce: |g⊥|·size is its detectability, the cosine of two of them their similarity. A measurement
+that determines the size of an effect with error σ, where hypothesis i predicts m ± s and j zero,
+has the expected log Bayes factor
 
     E[ln B_ij] = KL(N(m, s² + σ²) ‖ N(0, σ²)) = ½ (m² + s²)/σ² − ½ ln(1 + s²/σ²),
 
-and a further sensor whose predictions differ by Δ_k with error σ_k gives ½ Σ Δ_k²/σ_k². Before any
-data exist, the same scan at the priors' means says what a set of sensors could show at all.
+and an additional sensor whose predictions differ by Δ_k with error σ_k gives ½ Σ Δ_k²/σ_k². Before
+any measurement, the same scan at the prior means shows which effects a set of sensors can isolate.
 """
 
 from functools import partial
@@ -27,14 +27,14 @@ from diagnosis.measured import OFFSET_SD, Measured
 from diagnosis.prediction import n_unknowns
 from diagnosis.scan import Linearised, linearise
 
-ALIKE = 0.9
+ALIAS_COSINE = 0.9
 """|cosine| from which two effects count as aliases."""
 
 TYPICAL = 1.2
-"""Size taken as typical, in widths of the prior: 0.7 of its root mean square."""
+"""Typical size, in widths of the prior: 0.7 of its root mean square."""
 
 ISOLATED = 3.0
-"""Expected ln B against none and every rival from which an effect can be told."""
+"""Least expected ln B against no gap and every rival at which an effect is isolable."""
 
 READINGS: dict[str, tuple[str, tuple[tuple[str, float], ...]]] = {
     "equalisation check at the end": ("±0.5 mmHg a condition", (("wire_drift", 0.3),)),
@@ -54,10 +54,10 @@ READINGS: dict[str, tuple[str, tuple[tuple[str, float], ...]]] = {
         "±0.5 mmHg s2/ml2, ±10 %", (("quadratic_loss", 0.5), ("proximal_resistance", 0.1)),
     ),
 }  # fmt: skip
-"""Measurements that read the size of effects, with their errors [unit of the size]; assumed."""
+"""Measurements of the size of effects, with their errors [unit of the size]; assumed."""
 
 OPEN = 0.01
-"""Probability, or ratio of two, below which a question counts as settled."""
+"""Probability, or ratio of two, below which a question counts as closed."""
 
 FLOW_ERROR = 0.05
 """Relative error of a flow."""
@@ -66,11 +66,11 @@ SENSOR_SETS = ("means", "means+flow", "waveforms", "waveforms+flow", "flow wavef
 
 
 class Next(NamedTuple):
-    """A measurement that would help.
+    """A recommended measurement.
 
     Attributes:
         sensor: what to measure.
-        separates: the two hypotheses that it would tell apart best.
+        separates: the two hypotheses that it distinguishes best.
         expected_log_bayes_factor: of the likelier over the other.
     """
 
@@ -90,7 +90,7 @@ def traces(found: Linearised) -> np.ndarray:
 
 
 def aliases(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Pairs of effects with nearly the same trace in this record, likeliest first."""
+    """Pairs of effects with nearly the same change of the data, likeliest first."""
     inner = traces(_about_base(diagnosis.record, diagnosis.effects, jnp.asarray(diagnosis.base.x)))
     length = np.sqrt(np.maximum(np.diag(inner), 1e-300))
     names = [effect.id for effect in diagnosis.effects]
@@ -100,7 +100,7 @@ def aliases(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         (names[i], names[j])
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if alike[i, j] >= ALIKE and seen[i] and seen[j]
+        if alike[i, j] >= ALIAS_COSINE and seen[i] and seen[j]
     ]
     inclusion = diagnosis.judgement.inclusion
     return sorted(found, key=lambda pair: -max(inclusion[pair[0]], inclusion[pair[1]]))
@@ -125,7 +125,7 @@ def next_measurements(diagnosis: Diagnosis, count: int = 3) -> list[Next]:
 
 
 def _weight(diagnosis: Diagnosis, first: tuple[str, ...], second: tuple[str, ...]) -> float:
-    """How open the question between two hypotheses is: the smaller probability over the larger."""
+    """Ratio of the smaller to the larger probability of two hypotheses."""
     p = [diagnosis.judgement.probabilities["+".join(h) or "none"] for h in (first, second)]
     return min(p) / max(max(p), 1e-300)
 
@@ -182,16 +182,16 @@ def _about_base(record: Measured, effects: tuple[Effect, ...], x: Float[Array, "
 def isolability(
     record: Measured, effects: tuple[Effect, ...], sd: float
 ) -> dict[str, dict[str, float]]:
-    """What sets of sensors could show in the conditions of a record, before they are used.
+    """Effects that sets of sensors could isolate in the conditions of a record.
 
     Args:
-        record: the conditions; what was measured is ignored.
+        record: the conditions; its measured data are ignored.
         effects: the catalogue.
         sd: noise of pressures [dyn/cm²].
 
     Returns:
         By set of sensors and effect: expected ln B of a typical size against its nearest rival, "no
-        gap" included; from `ISOLATED` on the effect can be told.
+        gap" included; the effect is isolable from `ISOLATED` on.
     """
     found = {}
     x = jnp.zeros(n_unknowns(record))

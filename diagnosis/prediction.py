@@ -1,18 +1,19 @@
-"""What a record should show: from standardised variables to harmonics, means and ratios.
+"""Predicted data of a record: from standardised variables to harmonics, means and ratios.
 
-The base model is the surrogate of the paper at its nominal values with the stress rule "printed".
-Its unknowns have normal priors of zero mean and unit variance in the variables x:
+The base model is the surrogate of Puelz et al. 2024 at its nominal values with the stress rule
+"printed". Its unknowns have standard normal priors in the variables x:
 
     R0, K_known = prior exp(sd x_0),  α = 0.25 exp(x_1),  C_a, C_im, C0 = nominal exp(0.4 x_2..4),
-    muscle's pressure = ventricle's (1 + 0.07 x_5),  flow past the muscle: 0.15 x_6 of the bed's,
+    intramyocardial pressure = P_LV (1 + 0.07 x_5),  bypass conductance = 0.15 x_6/(R_2 + R_3),
     P_systolic, P_diastolic of each condition = recorded + P_sd x.
 
-The ventricle's peak is the condition's P_systolic, and what of it the muscle's vessels feel nobody
-measures; nor how much of the flow goes where no muscle squeezes (less than none: where the one
-compartment has too little of it). Beds of several layers and branches look like that. Without x_5
-six of ten such records gave a false alarm, with it none of 24; x_6 settles three of the five wrong
-names of 120 that were left. A condition depends on eleven numbers only (the seven shared ones, its
-two pressures, two sizes of effects): derivatives are taken by those.
+The peak of P_LV is the systolic pressure of the condition. The fraction of it transmitted to the
+intramyocardial vessels, and the flow bypassing the muscle, are unmeasured; the latter is negative
+if one compartment underestimates the flow through the muscle. Both stand for beds of several layers
+and branches: without x_5 six of ten such records gave a false alarm, with it none of 24; x_6
+removes three of the remaining five wrong names in 120 records. A condition depends on eleven
+numbers only (seven shared ones, its two pressures, two effect sizes); derivatives are taken with
+respect to those.
 """
 
 from collections.abc import Sequence
@@ -27,8 +28,8 @@ from diagnosis.circuit import (
     HARMONICS,
     PHASE,
     SAMPLES,
-    Beat,
     Circuit,
+    SensorSpectra,
     coefficients,
     samples,
     solve,
@@ -41,38 +42,39 @@ from lumped.units import MMHG, MMHG_S_PER_ML
 from lumped.waveforms import AorticPressure, VentricularPressure
 
 R0_PRIOR, R0_SD_LOG = 3.75 * MMHG_S_PER_ML, 0.5
-"""Resistance of the ostium where the record says nothing [dyn·s/cm⁵], and its log-sd."""
+"""Default resistance of the ostium [dyn·s/cm⁵], and the sd of its logarithm."""
 
 ALPHA_PRIOR, ALPHA_SD_LOG = 0.25, 1.0
 """Prior of α [-] and of its logarithm."""
 
 COMPLIANCE_SD_LOG = 0.4
-"""Log-sd of C_a, C_im and C0."""
+"""Standard deviation of the logarithms of C_a, C_im and C0."""
 
-SQUEEZE_SD = 0.07
-"""Standard deviation of the muscle's pressure on its vessels over the ventricle's; assumed (it
-falls from the cavity's inside to nearly none outside: Hoffman & Spaan 1990, Physiol Rev 70:331)."""
+TRANSMISSION_SD = 0.07
+"""Standard deviation of the ratio of intramyocardial to ventricular pressure; assumed (the pressure
+falls from the endocardium to nearly zero at the epicardium: Hoffman & Spaan 1990, Physiol Rev
+70:331)."""
 
-PAST_SD = 0.15
-"""Standard deviation of the share of the bed's conductance that lies past the muscle; assumed."""
+BYPASS_SD = 0.15
+"""Standard deviation of the bypass conductance relative to 1/(R_2 + R_3); assumed."""
 
 P_SD = 2.0 * MMHG
 """Standard deviation of a recorded systolic or diastolic pressure [dyn/cm²]."""
 
-SHARED = ("R0", "alpha", "C_a", "C_im", "C0", "squeeze", "past")
+SHARED = ("R0", "alpha", "C_a", "C_im", "C0", "transmission", "bypass")
 """Unknowns that all conditions share, in the order of x."""
 
 OWN = len(SHARED) + 2
 """Unknowns of one condition: the shared ones and its two pressures."""
 
 
-class Situation(NamedTuple):
-    """What is fixed about a condition; fields as in `Measured`.
+class ConditionSettings(NamedTuple):
+    """Fixed settings of a condition; fields as in `Measured`.
 
     Attributes:
         period: length of the beat [s].
         P_systolic, P_diastolic: as recorded [dyn/cm²].
-        stress, adenosine, dobutamine: 1 where the condition is one, else 0.
+        stress, adenosine, dobutamine: 1 if the condition is under stress or that drug, else 0.
         order: order of acquisition.
         R0: prior of the ostium's resistance [dyn·s/cm⁵].
         R0_sd_log: of its logarithm.
@@ -95,13 +97,13 @@ class Situation(NamedTuple):
     L: Float[Array, "*c"] | None = None
 
 
-def situations(measured: Measured) -> Situation:
+def condition_settings(measured: Measured) -> ConditionSettings:
     """The settings of all conditions of one record."""
     shape = measured.period.shape
     optional = {"K": measured.K, "L": measured.L}
     given = {n: jnp.broadcast_to(v, shape) for n, v in optional.items() if v is not None}
-    names = [name for name in Situation._fields if name not in optional]
-    return Situation(
+    names = [name for name in ConditionSettings._fields if name not in optional]
+    return ConditionSettings(
         **{name: jnp.broadcast_to(getattr(measured, name), shape) for name in names}, **given
     )
 
@@ -112,11 +114,11 @@ def n_unknowns(measured: Measured) -> int:
 
 
 def selection(n_conditions: int, n_more: int) -> np.ndarray:
-    """Zeros and ones that take each condition's numbers out of all unknowns.
+    """Selection matrices: the unknowns of each condition among all unknowns.
 
     Args:
         n_conditions: number of conditions C.
-        n_more: unknowns after those of the base model, seen by all conditions.
+        n_more: further unknowns that all conditions share.
 
     Returns:
         Array C × (9 + n_more) × (7 + 2C + n_more).
@@ -131,7 +133,7 @@ def selection(n_conditions: int, n_more: int) -> np.ndarray:
     return chosen
 
 
-def base_circuit(case: Situation, own: Float[Array, " 9"]) -> Circuit:
+def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
     """The circuit of one condition without any effect.
 
     Args:
@@ -157,7 +159,7 @@ def base_circuit(case: Situation, own: Float[Array, " 9"]) -> Circuit:
         dobutamine=case.dobutamine,
         order=case.order,
         P_inlet=AorticPressure(P_systolic, P_diastolic, case.period)(t),
-        P_LV=(1.0 + SQUEEZE_SD * own[5]) * VentricularPressure(P_systolic, case.period)(t),
+        P_LV=(1.0 + TRANSMISSION_SD * own[5]) * VentricularPressure(P_systolic, case.period)(t),
         R0=case.R0 * narrower,
         L=zero if case.L is None else case.L,
         K=zero,
@@ -172,7 +174,7 @@ def base_circuit(case: Situation, own: Float[Array, " 9"]) -> Circuit:
         wall_time=zero,
         P_venous=zero,
         G_collateral=zero,
-        past=PAST_SD * own[6],
+        bypass=BYPASS_SD * own[6],
         autoregulation=zero,
         aortic_offset=zero,
         distal_offset=zero,
@@ -184,15 +186,15 @@ def base_circuit(case: Situation, own: Float[Array, " 9"]) -> Circuit:
 
 
 def predict(
-    case: Situation,
+    case: ConditionSettings,
     own: Float[Array, " 9"],
     effects: Sequence[Effect],
     sizes: Float[Array, " e"],
     *,
     nonlinear: bool = True,
     forced: Complex[Array, "p f"] | None = None,
-) -> Beat:
-    """What the sensors show of one condition.
+) -> SensorSpectra:
+    """Predicted harmonics of the sensors in one condition.
 
     Args:
         case: the condition.
@@ -208,14 +210,14 @@ def predict(
     return solve(circuit, nonlinear=nonlinear or case.K is not None)
 
 
-def as_data(beat: Beat, n_sensors: int) -> Float[Array, " d"]:
-    """A beat in the order of `measured.weights`: coefficients of the traces, then scalars."""
+def observations(beat: SensorSpectra, n_sensors: int) -> Float[Array, " d"]:
+    """Predicted data in the order of `measured.weights`: coefficients of traces, then scalars."""
     means = [spectrum[0].real for spectrum in beat]
     scalars = jnp.stack([means[0], means[1], means[1] / means[0], means[2]])
     traces = [coefficients(getattr(beat, name)) for name in SENSORS[:n_sensors]]
     return jnp.concatenate([*traces, scalars])
 
 
-def as_waves(beat: Beat) -> Float[Array, "3 n"]:
-    """A beat as samples of all three sensors [dyn/cm², dyn/cm², cm³/s]."""
+def as_waves(beat: SensorSpectra) -> Float[Array, "3 n"]:
+    """Samples of all three sensors [dyn/cm², dyn/cm², cm³/s]."""
     return samples(jnp.stack(list(beat)))

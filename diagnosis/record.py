@@ -1,14 +1,14 @@
-"""A measured record as people know it, and how it becomes the arrays that a diagnosis compares.
+"""A measured record as given by the user, and its conversion to arrays.
 
-A record may be rich or poor: three pressure ratios, means, means with flow, waveforms, waveforms
-with flow. Noise is what the record states; where it states none and several beats were recorded it
-is estimated from their scatter: with d the beats less their mean and less each beat's own mean,
+A record may hold pressure ratios, means, means with flow, waveforms, or waveforms with flow. Its
+noise is stated in the record; otherwise it is estimated from the scatter of several beats: with d
+the beats minus their mean and minus the mean of each beat,
 
     sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
 
 The mean beat has sd/√b. The slow offset is the scatter of the beats' means, at least
-`OFFSET_SD`: what stays the same over all beats cannot be seen in them. Where beats were
-folded, `scatter` says more: the power of every harmonic, and what sensors and harmonics share.
+`OFFSET_SD`: a constant offset does not show in the scatter. For folded beats, `scatter` estimates
+the power of every harmonic, and the variations common to sensors and harmonics.
 """
 
 import dataclasses
@@ -43,10 +43,10 @@ LEAST_PRESSURE_SD = 0.05 * MMHG
 
 @dataclasses.dataclass(frozen=True)
 class Folding:
-    """How beats of a recording were laid over each other, where its clock does not divide them.
+    """How the beats of a recording were averaged if sampling does not divide the period.
 
     Attributes:
-        samples: independent samples a beat that the noise of its harmonics stands for.
+        samples: effective number of independent samples a beat.
         start_sd: standard deviation of the start of ejection, a delay of all sensors [beats].
     """
 
@@ -60,7 +60,7 @@ class RecordedCondition:
 
     Attributes:
         name: its name.
-        drug: "none", "adenosine" or "dobutamine"; another name is stress without either.
+        drug: "none", "adenosine" or "dobutamine"; any other name is stress without either drug.
         order: order of acquisition, from 0.
         held_out: whether only the aortic pressure may be used.
         period: length of the beat [s].
@@ -69,8 +69,7 @@ class RecordedCondition:
         ffr: ratio of the means [-], if known.
         mean_Q: mean coronary flow [cm³/s], if known.
         beats: recorded beats of each sensor of `SENSORS`, beats × samples [dyn/cm², cm³/s].
-        folding: how the beats were folded; their samples then carry all harmonics that were
-            measured. None where sampling divides the beat.
+        folding: how the beats were folded; None if sampling divides the period.
     """
 
     name: str
@@ -179,7 +178,7 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         richness: use no more than this of it, one of `RICHNESS`; by default everything.
 
     Raises:
-        ValueError: no such richness, nothing of it was measured, or a number that cannot be.
+        ValueError: unknown richness, no data of that richness, or invalid numbers.
     """
     level = RICHNESS[-1] if richness is None else richness
     if level not in RICHNESS:
@@ -299,7 +298,7 @@ def _folded(
         )
         power[c, present] = found.power
         modes[c, present, :, : found.modes.shape[-1]] = found.modes
-    # scalars are not measured where traces are
+    # scalars are not used where traces are
     modes = np.concatenate(
         [modes.reshape(C, -1, modes.shape[-1]), np.zeros((C, 4, modes.shape[-1]))], 1
     )
@@ -309,8 +308,8 @@ def _folded(
 def stacked(records: Sequence[Measured]) -> Measured:
     """Records of one shape as a batch.
 
-    Where some know K or L, it is zero for the others; where the beats of some were folded, the
-    others keep the noise that they have.
+    K or L is zero in records that do not state it; records without folded beats keep their own
+    noise.
     """
     C, S = records[0].n_conditions, records[0].n_sensors
     blank = {

@@ -1,4 +1,4 @@
-"""Which numbers of a record cannot be: refused before a diagnosis makes something of them."""
+"""Checks of the numbers of a record before a diagnosis."""
 
 import math
 from collections.abc import Iterator

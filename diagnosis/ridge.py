@@ -1,17 +1,17 @@
-"""Evidence of an effect where no waveform was measured, by an integral over its size.
+"""Evidence of an effect without measured waveforms, by integration over its size.
 
-Ratios and means hardly tell a large loss with little flow from a small loss with much flow: the
-likeliest sizes and α lie on a curved ridge, and a parabola about one of its points misses most of
-it (up to seven units of ln Z for quadratic losses known by three ratios, so that ten patients with
-one were taken for patients with a drift or a dynamic narrowing in half of all draws). At a given
-size x the other unknowns are close to normal. The evidence Z(x) of fits at some sizes x > 0 is
-integrated over the prior::
+Ratios and means hardly distinguish a large loss with little flow from a small loss with much flow:
+size and α lie on a curved ridge, and the Laplace approximation at one of its points misses most of
+it. (For quadratic losses known by three ratios it misses up to seven units of ln Z, and half of all
+draws of ten patients with such a loss were attributed to drift or dynamic narrowing.) At a given
+size x the other unknowns are close to normal. The evidence Z(x), from fits at several sizes x > 0,
+is integrated over the prior::
 
     Z = ∫ Z(x) p(x) dx,     p(x) = 2 x² N(x; 0, 1)
 
 with ln Z(x) between the sizes by a cubic spline. At size zero it is that of the base model. In a
 record with a loss of 5.6 mmHg s²/mL², ln B is −1.64 (by 16 384 draws from the prior −1.71 ± 0.08),
-where the parabola says −7.21.
+where the Laplace approximation gives −7.21.
 
 Source: integrated nested Laplace approximations, Rue, Martino & Chopin 2009 (J R Stat Soc B
 71:319).
@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import logsumexp
 
 from diagnosis.effects import Effect
-from diagnosis.engine import Tell, run_fits, silent
+from diagnosis.engine import ProgressCallback, no_progress, run_fits
 from diagnosis.hypothesis import Catalogue, Fitted
 from diagnosis.measured import Measured
 
@@ -39,7 +39,7 @@ def along_ridges(
     positions: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
-    tell: Tell = silent,
+    progress: ProgressCallback = no_progress,
 ) -> Fitted:
     """Fits of one-sided effects to all records: evidence by the integral, at the mean size.
 
@@ -49,7 +49,7 @@ def along_ridges(
         positions: of the effects in the catalogue.
         numbers: of the catalogue.
         effects: the catalogue.
-        tell: told of progress.
+        progress: called after each block.
 
     Returns:
         Fits by record, then effect.
@@ -57,12 +57,12 @@ def along_ridges(
     record = np.repeat(np.arange(batch.period.shape[0]), positions.size)
     effect = np.tile(positions, batch.period.shape[0])
 
-    def fits(record: np.ndarray, effect: np.ndarray, held: np.ndarray) -> Fitted:
+    def fits(record: np.ndarray, effect: np.ndarray, fixed_size: np.ndarray) -> Fitted:
         pairs = np.stack([effect, np.full_like(effect, -1)], axis=1)
         starts = np.asarray(base.x)[record]
         return run_fits(
             batch, record, pairs, starts, numbers, effects,
-            held=held, step="following the ridges", tell=tell,
+            fixed_size=fixed_size, step="following the ridges", progress=progress,
         )  # fmt: skip
 
     n, jobs = SIZES.size, record.size

@@ -1,4 +1,4 @@
-"""What one Jacobian about an optimum tells of all effects of the catalogue, and of all pairs."""
+"""Score scan: evidence of all effects of the catalogue, and of all pairs, from one Jacobian."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,11 +12,19 @@ from diagnosis.elimination import solve_definite
 from diagnosis.evidence import Whitened, log_moment
 from diagnosis.hypothesis import Catalogue, by_condition
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
-from diagnosis.prediction import OWN, Situation, as_data, n_unknowns, predict, selection, situations
+from diagnosis.prediction import (
+    OWN,
+    ConditionSettings,
+    condition_settings,
+    n_unknowns,
+    observations,
+    predict,
+    selection,
+)
 
 
 class Linearised(NamedTuple):
-    """The model about an optimum, and what every effect would change there.
+    """The model linearised at an optimum, with the derivative of every effect.
 
     Attributes:
         linear: residuals and derivatives by the unknowns.
@@ -34,7 +42,7 @@ def linearise(
     x: Float[Array, " k"],
     sizes: Float[Array, " e"],
 ) -> Linearised:
-    """The model about an optimum with derivatives by all unknowns and all effects.
+    """Linearise the model at an optimum with respect to all unknowns and all effects.
 
     Args:
         measured: the record.
@@ -43,12 +51,12 @@ def linearise(
         x: optimum of the base model's unknowns (further ones are ignored).
         sizes: size of every effect there [its unit].
     """
-    W, cases = whitener_of(measured), situations(measured)
+    W, cases = whitener_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, len(effects)))
     joined = jnp.concatenate([x[: n_unknowns(measured)], sizes])
 
-    def whitened(W: Whitener, case: Situation, own: Array) -> Array:
-        return W(as_data(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors))
+    def whitened(W: Whitener, case: ConditionSettings, own: Array) -> Array:
+        return W(observations(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors))
 
     value, J = by_condition(whitened, W, cases, chooser)(joined)
     k = n_unknowns(measured)
@@ -58,13 +66,13 @@ def linearise(
 
 
 class Scan(NamedTuple):
-    """What one Jacobian tells of all effects.
+    """Score scan of all effects.
 
     Attributes:
         log_B: ln B of adding each effect.
         size: its expected standardised size.
-        length: |g⊥|, length of its own trace in noise units per standardised size.
-        pair_log_B: ln B of adding two effects, symmetric; the diagonal means nothing.
+        length: |g⊥|, detectability per standardised size [noise units].
+        pair_log_B: ln B of adding two effects, symmetric; the diagonal is meaningless.
     """
 
     log_B: Float[Array, " e"]

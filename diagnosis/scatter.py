@@ -1,22 +1,22 @@
-"""What the scatter of folded beats says of the noise of their mean.
+"""Noise of the mean of folded beats, estimated from their scatter.
 
-With r_k the coefficients of all sensors of beat k less their mean, and b of the beats,
+With r_k the coefficients of all sensors of beat k minus their mean, and b the number of beats,
 
     r_k = B a_k + noise,   a_k ~ N(0, Σ),   noise ~ N(0, D),     mean beat: D/b + B Σ Bᵀ/b,
 
-and what folding itself may leave (`FORM_SHARE`, `FORM_SD`) besides.
+plus errors of the folding itself (`FORM_SHARE`, `FORM_SD`).
 
-B holds for every sensor what hearts change from beat to beat: level, pulse, and time (all of the
-beat, and its parts against each other as errors of the folding leave them: derivative times 1, cos,
-sin). Σ joins the sensors: aortic and distal pressure of one beat rise together. D is diagonal, one
-power a harmonic, alike in both pressures and smooth along the harmonics. Both follow from
-expectation and maximisation (Dempster, Laird & Rubin 1977; factors with known loadings), with what
-is usual of Σ weighing as `USUAL_WEIGHT` beats, so that three beats are not taken for a law:
+B holds the physiological variations of every sensor from beat to beat: level, pulse, and timing (a
+shift of the whole beat, and relative shifts of its parts by errors of the folding: derivative times
+1, cos, sin). Σ couples the sensors: aortic and distal pressure of one beat rise together. D is
+diagonal, one power a harmonic, equal in both pressures and smooth along the harmonics. Σ and D are
+estimated by expectation-maximisation (Dempster, Laird & Rubin 1977; factor analysis with known
+loadings). A prior Σ₀ with the weight of `USUAL_WEIGHT` beats regularises Σ for few beats:
 
     Σ = (Σ_k E[a_k a_kᵀ] + ν₀ Σ₀)/(b − 1 + ν₀ − 2)         (mean of an inverse Wishart distribution)
 
-An error of the start of ejection is one more column, the same delay of all sensors of a condition:
-no effect moves them all, and none can be named for it.
+An error of the start of ejection adds one column, a common delay of all sensors of a condition. No
+effect delays all sensors, so none can be named for it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,16 +28,16 @@ from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES, TO_SAMPLE
 from lumped.units import MMHG
 
 USUAL_WEIGHT = 6.0
-"""ν₀: beats that the usual scatter counts for."""
+"""ν₀: weight of the prior covariance [beats]."""
 
 USUAL_LEVEL, USUAL_LEVEL_SHARE = 0.3 * MMHG, 0.01
-"""Usual scatter of a beat's level: of a pressure [dyn/cm²], and of a flow over its mean."""
+"""Prior sd of the level of a beat: of a pressure [dyn/cm²], and of a flow over its mean."""
 
 USUAL_PULSE, USUAL_TIME = 0.005, 0.003
-"""Usual scatter of a beat's pulse over the mean one, and of its times [beats]."""
+"""Prior sd of the relative pulse of a beat, and of its timing [beats]."""
 
 OWN_SHARE = 0.1
-"""Share of the usual variance of times that each sensor has for itself."""
+"""Share of the prior variance of timing that is independent between sensors."""
 
 FORMS = 5
 """Columns of B of each sensor."""
@@ -46,14 +46,14 @@ FEWEST_BEATS = 3
 """Beats from which noise is estimated."""
 
 FORM_SHARE = 0.1
-"""Share of the usual variances that no number of beats takes away: errors of the folding itself."""
+"""Share of the prior variances that averaging does not reduce: errors of the folding itself."""
 
 FORM_SD = 0.1 * MMHG
-"""What else folding may leave in the mean beat of a pressure, as noise of its samples [dyn/cm²];
+"""Further error of the mean beat of a pressure by folding, as noise of its samples [dyn/cm²];
 assumed."""
 
 SWEEPS = 40
-"""Steps of expectation and maximisation."""
+"""Iterations of expectation-maximisation."""
 
 WIDTH = 0.25
 """Harmonics on either side over which noise is averaged, one more than this part of their
@@ -79,7 +79,7 @@ def forms(beat: np.ndarray) -> np.ndarray:
 
 
 def slope_of(beat: np.ndarray) -> np.ndarray:
-    """Derivative of a beat by its phase, of the harmonics kept [its unit a beat]."""
+    """Derivative of a beat with respect to its phase, kept harmonics only [its unit per beat]."""
     q = FROM_SAMPLES @ beat
     turn = 2.0 * np.pi * np.arange(1, HARMONICS + 1)
     re, im = q[1 : HARMONICS + 1], q[HARMONICS + 1 :]
@@ -117,12 +117,10 @@ def scatter(
     """Power of the noise of one beat by harmonic, and the covariance Σ of its forms.
 
     Args:
-        stacks: beats × samples of each sensor, all with as many; sensors whose noise is not alike
-        must
-            be scaled to the first one's.
+        stacks: beats × samples of each sensor, of equal shape, scaled to the noise of the first.
         B: (sensors × coefficients kept) × forms of all sensors.
-        Sigma_0: usual covariance of the forms.
-        prior: power of one beat where nothing was measured, harmonics kept.
+        Sigma_0: prior covariance of the forms.
+        prior: power of one beat without data, kept harmonics.
     """
     b, n = stacks[0].shape
     K, S = (n - 1) // 2, len(stacks)
@@ -152,7 +150,7 @@ class FoldedNoise(NamedTuple):
 
     Attributes:
         power: variance of each sensor's harmonics over 2, infinite where not measured.
-        modes: columns U of coefficients that move together, sensors × coefficients × columns.
+        modes: columns U of correlated coefficients, sensors × coefficients × columns.
     """
 
     power: np.ndarray
@@ -168,15 +166,15 @@ def folded_noise(
     *,
     estimate: bool,
 ) -> FoldedNoise:
-    """Noise of the mean of folded beats, from their scatter and what is stated or assumed.
+    """Noise of the mean of folded beats, from their scatter and the stated or assumed noise.
 
     Args:
         beats: beats × samples of each sensor.
         waves: the mean beats on `SAMPLES` samples.
         parametric: power of the mean's harmonics as stated or assumed, of each sensor.
-        form: power that folding itself may leave in a pressure.
+        form: power of the error of folding in a pressure.
         start_sd: of the start of ejection [beats].
-        estimate: whether pressures take the scatter alone, where there are beats enough.
+        estimate: whether the noise of pressures comes from the scatter alone, given enough beats.
     """
     names = list(beats)
     b, n = beats[names[0]].shape
@@ -215,7 +213,7 @@ def folded_noise(
 def _scales(
     beats: Mapping[str, np.ndarray], own: list[np.ndarray], rows: np.ndarray
 ) -> list[float]:
-    """Factor on each sensor by which its noise is like that of the pressures."""
+    """Factor on each sensor that scales its noise to that of the pressures."""
     left = {}
     for (name, stack), B in zip(beats.items(), own, strict=True):
         r = _coefficients(stack - stack.mean(axis=0), (stack.shape[1] - 1) // 2).T

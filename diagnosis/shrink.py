@@ -1,14 +1,13 @@
 """How far the gap shrinks: on the fitted data, and on conditions that were held out.
 
-Fitted: excess χ²/n − 1 before and after, 0 being the noise floor. Held out: RMS of the distal
-pressure and error of the pressure ratio before and after, beside what noise alone would give:
+Fitted: excess χ²/n − 1 before and after, 0 being the noise floor. Held out: RMS error of the distal
+pressure and error of the pressure ratio before and after, compared with noise alone:
 
     floor_rms² = sd² (w + (1 − w)) + offset²,    floor_ffr = offset √2 / mean P_aorta.
 
-What is predicted after the diagnosis is the mean over all hypotheses by their probabilities
-(Hoeting et al. 1999, Stat Sci 14:382), the base model standing for "unknown"; it is the base model
-alone where the verdict is "unknown", since nothing known can be added, and where it is "no_gap",
-since nothing need be.
+The prediction after the diagnosis averages all hypotheses by their probabilities (Hoeting et al.
+1999, Stat Sci 14:382), with the base model for "unknown". It is the base model alone if the verdict
+is "unknown" (nothing known can be added) or "no_gap" (nothing needs to be).
 """
 
 from typing import NamedTuple
@@ -21,11 +20,11 @@ from diagnosis.verdict import key_of
 
 
 class Shrink(NamedTuple):
-    """A quantity before and after an effect is added, and what noise leaves.
+    """A quantity before and after an effect is added, and its noise floor.
 
     Attributes:
         before: with the base model.
-        after: with what the diagnosis says.
+        after: with the effects of the diagnosis.
         noise_floor: from noise alone.
     """
 
@@ -39,8 +38,8 @@ class HeldOut(NamedTuple):
 
     Attributes:
         condition: its position in the record.
-        P_distal_rms: of the distal pressure [dyn/cm²]; None where no trace was recorded.
-        ffr_error: predicted less measured ratio, absolute [-]; None where none was recorded.
+        P_distal_rms: RMS error of the distal pressure [dyn/cm²]; None without a recorded trace.
+        ffr_error: absolute error of the predicted ratio [-]; None without a measured ratio.
     """
 
     condition: int
@@ -49,7 +48,7 @@ class HeldOut(NamedTuple):
 
 
 def expected_waves(diagnosis: Diagnosis) -> np.ndarray:
-    """What the sensors should show after the diagnosis, conditions × 3 sensors × samples."""
+    """Predicted signals after the diagnosis, conditions × 3 sensors × samples [CGS]."""
     base = np.asarray(diagnosis.base.waves)
     if diagnosis.judgement.verdict in ("unknown", "no_gap"):
         return base
@@ -69,7 +68,7 @@ def fitted_gap(diagnosis: Diagnosis) -> Shrink:
 
 
 def held_out_gap(diagnosis: Diagnosis) -> list[HeldOut]:
-    """The final check: what was held out is looked at here for the first time."""
+    """Errors on the held-out conditions, whose data are used here for the first time."""
     record = diagnosis.record
     before, after = np.asarray(diagnosis.base.waves), expected_waves(diagnosis)
     found = []

@@ -1,18 +1,18 @@
 """From evidences to probabilities, and from probabilities to one of four verdicts.
 
 Prior: no gap 0.20; one effect 0.50, shared evenly; two effects 0.15, shared evenly; unknown 0.15,
-shared evenly over all kinds of a free forcing. With every effect or pair something that is not in
-the catalogue may act as well: that is `BESIDE` of its prior, and counts as "unknown". The inclusion
-probability of an effect is that of it alone, of its pairs, and of it beside something unknown.
+shared evenly over all kinds of a free forcing. A fraction `BESIDE` of the prior of every effect or
+pair is for an additional unknown effect, and counts as "unknown". The inclusion probability of an
+effect sums its probabilities alone, in pairs, and together with an unknown effect.
 
 | verdict | when |
 |---|---|
 | no_gap | P(none) ≥ 0.05: no gap can be demonstrated |
-| named | every effect of the best hypothesis has inclusion ≥ 0.8, and what is left is closed |
+| named | every effect of the best hypothesis has inclusion ≥ 0.8, and it closes the gap |
 | unknown | P(unknown) ≥ 0.5, or an effect would be named but does not close the gap |
 | ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
 
-Closed: the remaining misfit has p > 0.001, or less than 10 % of the base model's excess is left.
+Closed: the remaining misfit has p > 0.001 or is below 10 % of the base model's excess.
 (The noise is never known exactly: 5 % of its variance is a quarter of what p = 0.001 allows.)
 """
 
@@ -27,14 +27,14 @@ PRIOR = {"none": 0.20, "single": 0.50, "pair": 0.15, "unknown": 0.15}
 """Prior probability of each kind of hypothesis."""
 
 BESIDE = 0.06
-"""Probability that something outside the catalogue acts where an effect of it does: one of six
-causes has company (pair : single), and of two or three causes in ten nobody has thought."""
+"""Probability that an effect outside the catalogue acts together with one of the catalogue: one
+cause in six has a second (pair : single), of which two or three in ten are not in the catalogue."""
 
 NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
 """Thresholds of the verdict, see above."""
 
 CLOSED_P, CLOSED_EXCESS = 0.001, 0.10
-"""Closure: p-value of the misfit, or share of the base excess that may be left."""
+"""Closure: p-value of the misfit, or remaining share of the base excess."""
 
 Verdict = Literal["no_gap", "named", "ambiguous", "unknown"]
 Hypothesis = tuple[str, ...]
@@ -42,7 +42,7 @@ Hypothesis = tuple[str, ...]
 
 
 class Judgement(NamedTuple):
-    """What is concluded about a record.
+    """The verdict on a record, with probabilities.
 
     Attributes:
         verdict: one of four.
@@ -50,7 +50,7 @@ class Judgement(NamedTuple):
         probabilities: of "none", "unknown", every effect and pairs "a+b"; they sum to 1.
         inclusion: of every effect.
         cover: the smallest set of hypotheses with 90 % of the probability.
-        best: the most probable hypothesis but "unknown".
+        best: the most probable hypothesis other than "unknown".
         closed: whether the best hypothesis closes the gap.
     """
 
@@ -73,7 +73,7 @@ def probabilities_of(
     forcing: Mapping[Hypothesis, np.ndarray],
     n_effects: int,
 ) -> tuple[dict[str, float], dict[Hypothesis, float]]:
-    """Posterior probabilities; hypotheses that are not given count as impossible.
+    """Posterior probabilities; hypotheses that are not given have probability zero.
 
     Args:
         log_evidence: ln Z of none, singles and pairs.
@@ -81,8 +81,8 @@ def probabilities_of(
         n_effects: number of effects in the catalogue.
 
     Returns:
-        Of every hypothesis by its name, all that is "unknown" together; and its parts by what is
-        known to act beside it.
+        Probabilities of all hypotheses by name, with "unknown" as one; and the parts of "unknown"
+        by the known effects that act together with it.
     """
     each = {
         0: PRIOR["none"],
@@ -102,7 +102,7 @@ def probabilities_of(
 
 
 def is_closed(chi2: float, base_chi2: float, n_data: int, n_fitted: int) -> bool:
-    """Whether a fit leaves nothing to explain, see the table above."""
+    """Whether a fit closes the gap, see the table above."""
     freedom = max(n_data - n_fitted, 1)
     if chi2_distribution.sf(chi2, freedom) > CLOSED_P:
         return True

@@ -1,14 +1,15 @@
-"""Where a gap lies: two different questions, answered apart.
+"""Location of a gap: two different questions.
 
 *Where the data disagree.* Misfit of blocks of data b (condition × sensor × phase or harmonics) in
 units of the noise, excess (χ²_b − n_b)/n_b and z = (χ²_b − n_b)/√(2 n_b), after the joint fit or
-after a calibration at rest alone. The global p-value is the chance that pure noise, fitted in the
-same way, has a block with so large a z. A joint fit moves misfit: this is not where the cause acts.
+after a calibration at rest alone. The global p-value is the probability that pure noise, fitted in
+the same way, has a block with so large a z. A joint fit moves the misfit: this is not the place
+where the cause acts.
 
-*Where in the model a cause may act.* The probability of all hypotheses that act at a place; what is
-not in the catalogue counts where a free forcing at that place explains the gap, see `forcing`.
+*Where in the model a cause may act.* The probability of all hypotheses that act at a place; an
+unknown effect counts at the places where a free forcing explains the gap, see `forcing`.
 
-Phases are read by the mean and the slope of the residual within each window (n_b = 2).
+The misfit in a phase window is that of the mean and the slope of the residual there (n_b = 2).
 """
 
 from typing import NamedTuple
@@ -38,7 +39,7 @@ PHASES = {
 """Windows of the beat [beats]."""
 
 BANDS = {"mean": (0, 0), "harmonics 1-3": (1, 3), "harmonics 4-10": (4, 10)}
-"""Groups of harmonics; those above follow as the rest."""
+"""Groups of harmonics; those above form one further group."""
 
 DRAWS = 400
 """Draws of noise for the global p-value."""

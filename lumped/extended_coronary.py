@@ -45,7 +45,7 @@ class ExtendedCoronary(AbstractElement):
         P_source: pressure where collaterals begin [dyn/cm²] as a function of time.
         P_venous: pressure behind R_3 [dyn/cm²].
         G_collateral: conductance of the collaterals [cm⁵/(dyn·s)].
-        G_past: conductance G_p of vessels that no muscle squeezes [cm⁵/(dyn·s)]; below zero it
+        G_bypass: conductance G_p of vessels that no muscle squeezes [cm⁵/(dyn·s)]; below zero it
             takes back what R_2 and R_3 let through.
         elastic_share: share e of C_a that yields at once [-].
         wall_time: relaxation time of the rest [s], or None.
@@ -61,14 +61,14 @@ class ExtendedCoronary(AbstractElement):
     C_im: Parameter = parameter()
     P_venous: Parameter = parameter(default=0.0)
     G_collateral: Parameter = parameter(default=0.0)
-    G_past: Parameter = parameter(default=0.0)
+    G_bypass: Parameter = parameter(default=0.0)
     elastic_share: Parameter = parameter(default=1.0)
     wall_time: Parameter | None = optional_parameter()
 
     ranges: ClassVar[Range] = Range(
         above=("R_2", "R_3", "C_a", "C_im", "elastic_share", "wall_time"),
         least=("R_1", "G_collateral"),
-        finite=("P_venous", "G_past"),
+        finite=("P_venous", "G_bypass"),
     )
 
     def __check_init__(self):
@@ -100,7 +100,7 @@ class ExtendedCoronary(AbstractElement):
         P_a, P_tilde = self._arterial(x), x[1] + self.P_im(t)
         through = (P_a - P_tilde) / self.R_2
         arriving = Q[0] + self.G_collateral * (self.P_source(t) - P_a)
-        arriving = arriving - self.G_past * (P_a - self.P_venous)
+        arriving = arriving - self.G_bypass * (P_a - self.P_venous)
         late = [] if self.wall_time is None else [P_a - x[2]]
         leaving = (P_tilde - self.P_venous) / self.R_3
         return jnp.stack([arriving - through, through - leaving, *late])

@@ -49,7 +49,7 @@ BLOCKS: dict[str, AbstractElement] = {
         P_source=Constant(90.0 * MMHG),
         P_venous=6.0 * MMHG,
         G_collateral=3e-6,
-        G_past=2e-6,
+        G_bypass=2e-6,
         elastic_share=0.5,
         wall_time=0.03,
     ),
@@ -75,7 +75,7 @@ def _coronary_impedance(b: Any, s: Any) -> Any:
 def _extended_impedance(b: Any, s: Any) -> Any:
     wall = b.C_a * s * (b.elastic_share + (1.0 - b.elastic_share) / (1.0 + s * b.wall_time))
     bed = 1.0 / (b.R_2 + 1.0 / (b.C_im * s + 1.0 / b.R_3))
-    return b.R_1 + 1.0 / (wall + b.G_collateral + b.G_past + bed)
+    return b.R_1 + 1.0 / (wall + b.G_collateral + b.G_bypass + bed)
 
 
 IMPEDANCES: dict[type[AbstractElement], Callable[[Any, Any], Any]] = {

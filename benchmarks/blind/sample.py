@@ -21,13 +21,13 @@ from benchmarks.blind.diagnoses import diagnoses_of
 from diagnosis import CATALOGUE, Diagnosis, Effect
 from diagnosis.hypothesis import (
     Catalogue,
-    beat_under,
     form_uncertainty,
     numbers_of,
     places_of,
+    sensor_model,
 )
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
-from diagnosis.prediction import Situation, as_data, selection, situations
+from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
 from diagnosis.verdict import PRIOR, Hypothesis, key_of
 
 DRAWS, CHUNK = 4096, 256
@@ -54,15 +54,17 @@ def _sampled(
     nonlinear: bool,
 ) -> tuple[Array, Array]:
     """Ln Z of a hypothesis up to `whitener`'s determinant, and the effective number of draws."""
-    W, data, cases = whitener_of(record), data_of(record), situations(record)
+    W, data, cases = whitener_of(record), data_of(record), condition_settings(record)
     chooser = jnp.asarray(selection(record.n_conditions, 2))
-    predicted = beat_under(effects, numbers, pair, nonlinear=nonlinear)
+    predicted = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
 
     def residual(x: Array) -> Array:
         """Residuals in units of noise and form tolerance together."""
 
-        def one(W: Whitener, data: Array, case: Situation, own: Array, whitener: Array) -> Array:
-            return whitener @ W(data - as_data(predicted(case, own), record.n_sensors))
+        def one(
+            W: Whitener, data: Array, case: ConditionSettings, own: Array, whitener: Array
+        ) -> Array:
+            return whitener @ W(data - observations(predicted(case, own), record.n_sensors))
 
         return jax.vmap(one)(W, data, cases, chooser @ x, whitener).reshape(-1)
 

@@ -48,7 +48,7 @@ def diagnose_record(record: Record, richness: str | None, progress: Progress) ->
 
     progress.step("fitting the base model")
     begun.add("fitting the base model")
-    return diagnose(stacked([measured(record, richness)]), tell=tell)[0]
+    return diagnose(stacked([measured(record, richness)]), progress=tell)[0]
 
 
 def plan_record(record: Record, progress: Progress, provenance: Document) -> Document:

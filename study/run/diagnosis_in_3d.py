@@ -19,10 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from diagnosis import Diagnosis, Record, RecordedCondition, apply_effects, find_effect
-from diagnosis.boundary import boundary_of, traces_of
+from diagnosis.boundary import boundary_conditions, sensor_traces
 from diagnosis.circuit import Circuit
 from diagnosis.hypothesis import Fitted
-from diagnosis.prediction import base_circuit, n_unknowns, selection, situations
+from diagnosis.prediction import base_circuit, condition_settings, n_unknowns, selection
 from diagnosis.shrink import measured_ratio
 from lumped import MMHG
 from study.case.faults import CaseError, Fault
@@ -106,7 +106,7 @@ def gap_in_3d(
         beats = {}
         for label, of_model in circuits.items():
             progress.step(f"3D: {condition.name}, {label}")
-            boundary = boundary_of(of_model[k])
+            boundary = boundary_conditions(of_model[k])
             drive = Drive(entry, boundary.bed, boundary.P_ostium, difference)
             with at_work(bench.folder):
                 beats[label] = driven_beat(bench, f"{condition.name}-{label}", drive)
@@ -126,7 +126,7 @@ def gap_in_3d(
 def circuits_of(diagnosis: Diagnosis, fitted: Fitted) -> list[Circuit]:
     """The circuit of each condition at a fitted hypothesis, its effects at their sizes."""
     record = diagnosis.record
-    cases, x = situations(record), np.asarray(fitted.x)[: n_unknowns(record)]
+    cases, x = condition_settings(record), np.asarray(fitted.x)[: n_unknowns(record)]
     own = selection(record.n_conditions, 0) @ x
     sizes = jnp.asarray(np.asarray(fitted.sizes))
     circuits = []
@@ -174,7 +174,7 @@ def _compared(
     waves = {
         "surrogate": {label: np.asarray(fits[label].waves)[k, :2] / MMHG for label in beats},
         "in_3d": {
-            label: traces_of(circuits[label], beat.P_ostium * MMHG, beat.P_distal * MMHG) / MMHG
+            label: sensor_traces(circuits[label], beat.P_ostium * MMHG, beat.P_distal * MMHG) / MMHG
             for label, beat in beats.items()
         },
     }

@@ -11,7 +11,14 @@ from benchmarks.blind.clocked import Clock, recording
 from diagnosis import CATALOGUE, Record, RecordedCondition, measured
 from diagnosis.circuit import SAMPLES
 from diagnosis.measured import correlation
-from diagnosis.prediction import Situation, as_waves, n_unknowns, predict, selection, situations
+from diagnosis.prediction import (
+    ConditionSettings,
+    as_waves,
+    condition_settings,
+    n_unknowns,
+    predict,
+    selection,
+)
 from lumped import MMHG
 from study.case.folding import Folded, fold
 
@@ -36,7 +43,7 @@ def settings() -> Record:
 
 
 @jax.jit
-def _waves(case: Situation, own: jax.Array, sizes: jax.Array) -> jax.Array:
+def _waves(case: ConditionSettings, own: jax.Array, sizes: jax.Array) -> jax.Array:
     return jax.vmap(lambda c, o: as_waves(predict(c, o, CATALOGUE, sizes)))(case, own)
 
 
@@ -55,7 +62,7 @@ def beats_of_model(rng: np.random.Generator, sizes: dict[str, float]) -> np.ndar
     x = 0.5 * rng.standard_normal(n_unknowns(blank))
     own = jnp.asarray(selection(4, 0) @ x)
     values = jnp.asarray(np.array([sizes.get(name, 0.0) for name in NAMES]))
-    return np.asarray(_waves(situations(blank), own, values))
+    return np.asarray(_waves(condition_settings(blank), own, values))
 
 
 def clocked(

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from diagnosis import CATALOGUE, find_effect, measured
-from diagnosis.boundary import Boundary, boundary_of, traces_of
+from diagnosis.boundary import BoundaryConditions, boundary_conditions, sensor_traces
 from diagnosis.circuit import PHASE
 from diagnosis.effects import apply_effects
-from diagnosis.prediction import as_waves, base_circuit, predict, situations
+from diagnosis.prediction import as_waves, base_circuit, condition_settings, predict
 from lumped import MMHG, Fourier, PressureSource, Vessel, connect, solve_periodic
 from tests.diagnosis.records import settings
 
@@ -24,7 +24,7 @@ SENSED = [e.id for e in CATALOGUE if e.place == "sensor"]
 
 
 def situation():
-    one = jax.tree.map(lambda leaf: leaf[DOBUTAMINE], situations(measured(settings())))
+    one = jax.tree.map(lambda leaf: leaf[DOBUTAMINE], condition_settings(measured(settings())))
     return one._replace(adenosine=one.dobutamine)  # both, so that every effect shows
 
 
@@ -51,7 +51,7 @@ def circuit_waves(name: str | None, share: float = 0.7) -> np.ndarray:
     return np.asarray(waves_of(sizes))
 
 
-def network_waves(boundary: Boundary, circuit) -> np.ndarray:
+def network_waves(boundary: BoundaryConditions, circuit) -> np.ndarray:
     artery = Vessel(R_viscous=circuit.R0, C=circuit.C0)
     network = connect(
         {
@@ -70,7 +70,7 @@ def network_waves(boundary: Boundary, circuit) -> np.ndarray:
 def test_bed_with_an_effect_gives_the_traces_of_the_circuit(name):
     circuit = circuit_with(name)
     expected = circuit_waves(name)
-    found = network_waves(boundary_of(circuit), circuit)
+    found = network_waves(boundary_conditions(circuit), circuit)
     error = np.sqrt(np.mean((found - expected) ** 2, axis=1))
     # 40 harmonics of pressures with kinks leave 0.05 mmHg rms; flow follows with 1/R0
     assert error[1] < 0.07 * MMHG
@@ -83,7 +83,10 @@ def test_bed_with_an_effect_gives_the_traces_of_the_circuit(name):
 
 @pytest.mark.parametrize("name", AT_BOUNDARY)
 def test_a_size_of_zero_changes_no_bit(name):
-    plain, zero = boundary_of(circuit_with(None)), boundary_of(circuit_with(name, 0.0))
+    plain, zero = (
+        boundary_conditions(circuit_with(None)),
+        boundary_conditions(circuit_with(name, 0.0)),
+    )
     assert jax.tree.structure(plain) == jax.tree.structure(zero)
     for a, b in zip(jax.tree.leaves(plain), jax.tree.leaves(zero), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -91,14 +94,17 @@ def test_a_size_of_zero_changes_no_bit(name):
 
 @pytest.mark.parametrize("name", [n for n in AT_BOUNDARY if n != "wall_viscoelasticity"])
 def test_effects_keep_the_structure_so_that_a_step_is_compiled_once(name):
-    plain, changed = boundary_of(circuit_with(None)), boundary_of(circuit_with(name))
+    plain, changed = (
+        boundary_conditions(circuit_with(None)),
+        boundary_conditions(circuit_with(name)),
+    )
     assert jax.tree.structure(plain) == jax.tree.structure(changed)
 
 
 @pytest.mark.parametrize("name", SENSED)
 def test_sensors_do_to_given_pressures_what_they_do_to_those_of_the_circuit(name):
     true, expected = circuit_waves(None), circuit_waves(name)
-    seen = traces_of(circuit_with(name), true[0], true[1])
+    seen = sensor_traces(circuit_with(name), true[0], true[1])
     # the traces hold the circuit's harmonics and no others: round-off
     np.testing.assert_allclose(seen, expected[:2], atol=1e-9 * MMHG)
     assert np.abs(expected[:2] - true[:2]).max() > 0.1 * MMHG

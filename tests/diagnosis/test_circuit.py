@@ -5,7 +5,7 @@ import pytest
 
 from diagnosis import CATALOGUE, Effect, find_effect, measured
 from diagnosis.circuit import PHASE
-from diagnosis.prediction import as_data, as_waves, base_circuit, predict, situations
+from diagnosis.prediction import as_waves, base_circuit, condition_settings, observations, predict
 from lumped import (
     MMHG,
     Fourier,
@@ -24,13 +24,13 @@ ONE_WAY = OWN.at[6].set(0.0)  # no flow past the muscle: the paper's bed
 
 
 def case():
-    one = jax.tree.map(lambda leaf: leaf[ADENOSINE], situations(measured(settings())))
+    one = jax.tree.map(lambda leaf: leaf[ADENOSINE], condition_settings(measured(settings())))
     return one._replace(dobutamine=one.adenosine)  # both, so that every effect shows
 
 
 @jax.jit
 def data(sizes):
-    return as_data(predict(case(), OWN, CATALOGUE, sizes), 3)
+    return observations(predict(case(), OWN, CATALOGUE, sizes), 3)
 
 
 def surrogate(K: float | None = None):
@@ -79,9 +79,9 @@ def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vesse
     known = case()._replace(K=jnp.asarray(6.0 * MMHG), L=jnp.asarray(0.05 * MMHG))
     sizes = jnp.zeros(len(CATALOGUE)).at[0].set(6.0)
     sizes = sizes.at[[e.id for e in CATALOGUE].index("inertance")].set(0.05)
-    given = as_data(predict(known, own, (), jnp.zeros(0), nonlinear=False), 3)
+    given = observations(predict(known, own, (), jnp.zeros(0), nonlinear=False), 3)
     np.testing.assert_allclose(
-        given, as_data(predict(case(), own, CATALOGUE, sizes), 3), rtol=1e-12
+        given, observations(predict(case(), own, CATALOGUE, sizes), 3), rtol=1e-12
     )
     narrow = find_effect(CATALOGUE, "proximal_resistance")
     wider = base_circuit(known._replace(R0_sd_log=jnp.asarray(0.2)), OWN)
@@ -92,7 +92,7 @@ def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vesse
 
 
 def test_an_effect_of_size_zero_changes_nothing():
-    plain = as_data(predict(case(), OWN, (), jnp.zeros(0), nonlinear=False), 3)
+    plain = observations(predict(case(), OWN, (), jnp.zeros(0), nonlinear=False), 3)
     zero = data(jnp.zeros(len(CATALOGUE)))
     # round-off of pressures near 100 mmHg through a linear solve
     np.testing.assert_allclose(zero, plain, rtol=0.0, atol=1e-10 * MMHG)
@@ -128,6 +128,6 @@ def test_a_user_adds_an_effect_in_ten_lines():
         settled_by="an occlusion pressure",
         source="assumed",
     )
-    more = as_data(predict(case(), OWN, (leak,), jnp.ones(1) * 1.5e-6), 2)
-    less = as_data(predict(case(), OWN, (leak,), jnp.zeros(1)), 2)
+    more = observations(predict(case(), OWN, (leak,), jnp.ones(1) * 1.5e-6), 2)
+    less = observations(predict(case(), OWN, (leak,), jnp.zeros(1)), 2)
     assert float(more[-3]) > float(less[-3])  # the distal mean rises

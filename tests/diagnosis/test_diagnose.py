@@ -5,7 +5,13 @@ import pytest
 from diagnosis import CATALOGUE, diagnose, find_effect, measured, noise_of, stacked
 from diagnosis.cohort import pool
 from diagnosis.evidence import Whitened, log_moment, posterior, smooth_scale
-from diagnosis.forcing import ALIKE, AMPLITUDES, HARMONICS, LENGTHS, forcing_mixture
+from diagnosis.forcing import (
+    AMPLITUDES,
+    CONDITION_CORRELATIONS,
+    FORCING_HARMONICS,
+    LENGTHS,
+    forcing_mixture,
+)
 from diagnosis.hypothesis import form_uncertainty, numbers_of
 from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.scan import linearise, score_scan
@@ -167,16 +173,16 @@ def test_a_forcing_beside_a_cause_matches_the_dense_gaussian(found):
     rng = np.random.default_rng(5)
     C, d, k = 3, 60, 4
     e, J = rng.normal(size=(C, d)), rng.normal(size=(C, d, k))
-    m = 2 * HARMONICS + 1
+    m = 2 * FORCING_HARMONICS + 1
     F, form = 0.3 / MMHG * rng.normal(size=(C, d, m)), 0.3 * rng.normal(size=(C, d, 5))
     pair, sided = jnp.array([-1, -1]), jnp.zeros(k)
     a, b, c, y = (jnp.asarray(v) for v in (form, F, J, e))
     log_Z, _ = forcing_mixture(a, b, c, y, pair, sided)
     n = 0
-    for s in ALIKE:
+    for s in CONDITION_CORRELATIONS:
         for length in LENGTHS:
             for amplitude in AMPLITUDES:
-                scaled = F * amplitude * smooth_scale(length, HARMONICS)
+                scaled = F * amplitude * smooth_scale(length, FORCING_HARMONICS)
                 cov = np.eye(C * d) + J.reshape(C * d, k) @ J.reshape(C * d, k).T
                 for a in range(C):
                     for b in range(C):

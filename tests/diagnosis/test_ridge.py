@@ -43,7 +43,7 @@ def test_fits_at_given_sizes_add_up_to_the_evidence_of_the_fit(name, size):
     width = float(numbers.sd[0])
     x = fit.x[0, -2] + fit.size_sd[0, 0] / width * np.linspace(-5.0, 5.0, 21)
     starts = np.tile(fit.x, (x.size, 1))
-    held = run_fits(batch, [0] * x.size, [(0, -1)] * x.size, starts, numbers, effects, held=x)
+    held = run_fits(batch, [0] * x.size, [(0, -1)] * x.size, starts, numbers, effects, fixed_size=x)
     np.testing.assert_allclose(held.x[:, -2], x)
     np.testing.assert_allclose(held.sizes[:, 0], x * width)
     one_sided = effects[0].one_sided

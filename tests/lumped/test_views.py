@@ -54,7 +54,7 @@ def back_pressure(block) -> float:
         return float(block.P_ref)
     if isinstance(block, Coronary):
         return float(block.P_venous)
-    g, G = 1.0 / (block.R_2 + block.R_3) + block.G_past, block.G_collateral
+    g, G = 1.0 / (block.R_2 + block.R_3) + block.G_bypass, block.G_collateral
     return float((g * block.P_venous + G * block.P_source(0.0)) / (g + G))
 
 
@@ -228,7 +228,7 @@ def test_impossible_parameters_are_refused(name, bad):
     values = {field.name: getattr(block, field.name) for field in dataclasses.fields(block)}
     for field in values:
         if field in ("P_im", "P_source") or (
-            bad == -1.0 and field in ("P_ref", "P_venous", "G_past")
+            bad == -1.0 and field in ("P_ref", "P_venous", "G_bypass")
         ):
             continue
         with pytest.raises(ValueError, match=field):

@@ -14,12 +14,12 @@ import pytest
 
 import study.run.run_3d as fsi_bench
 from diagnosis import CATALOGUE, Diagnosis, Judgement, find_effect, measured, stacked
-from diagnosis.boundary import boundary_of
-from diagnosis.diagnose import take
+from diagnosis.boundary import boundary_conditions
+from diagnosis.diagnose import row_of
 from diagnosis.effects import apply_effects
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import numbers_of
-from diagnosis.prediction import OWN, base_circuit, situations
+from diagnosis.prediction import OWN, base_circuit, condition_settings
 from lumped import MMHG
 from study import read_case
 from study.case.model import WallParameters
@@ -61,9 +61,9 @@ def study(tmp_path_factory, tube):
 def drive_of(study, size: float) -> Drive:
     record = synthetic({})
     blank = measured(record)
-    case = jax.tree.map(lambda leaf: leaf[0], situations(blank))
+    case = jax.tree.map(lambda leaf: leaf[0], condition_settings(blank))
     circuit = base_circuit(case, jnp.zeros(OWN))
-    boundary = boundary_of(apply_effects(circuit, [PUMP], jnp.array([size])))
+    boundary = boundary_conditions(apply_effects(circuit, [PUMP], jnp.array([size])))
     entry = entry_of(study.bench.case, record.conditions[0])
     return Drive(entry, boundary.bed, boundary.P_ostium, np.zeros(PHASES.size))
 
@@ -113,7 +113,7 @@ def diagnosis():
         record=jax.tree.map(lambda leaf: leaf[0], batch),
         effects=FEW,
         judgement=judgement,
-        fits={h: take(fits, k) for k, h in enumerate(hypotheses)},
+        fits={h: row_of(fits, k) for k, h in enumerate(hypotheses)},
         log_B={},
         scan={},
         visibility={},

@@ -167,7 +167,7 @@ def _profile(
         "preconditioner": (n, precondition, (stepper.preconditioner, *y_single)),
         "flows and pressures of ports": (
             1.0,
-            lambda y, model, step: at_ports(y, model, step),
+            lambda y, model, step: at_ports(y, model, step, method),
             (y, model, step),
         ),
         "triad a + 3 b, 8 million": (0.0, lambda a, b: a + 3.0 * b, (a, b)),

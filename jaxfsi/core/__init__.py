@@ -15,9 +15,13 @@ if TYPE_CHECKING:
         NeoHookean,
         SaintVenantKirchhoff,
     )
-    from jaxfsi.core.laws.ports import BlockPort, FlowPort, PressurePort, VelocityPort
     from jaxfsi.core.laws.solid import Wall
     from jaxfsi.core.laws.viscosity import AbstractViscosity, CarreauYasuda, Newtonian
+    from jaxfsi.core.ports.block import BlockPort
+    from jaxfsi.core.ports.flow import FlowPort
+    from jaxfsi.core.ports.port import AbstractPort, AbstractTractionPort, AbstractVelocityPort
+    from jaxfsi.core.ports.pressure import PressurePort
+    from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort
     from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium, pressure_load
     from jaxfsi.core.statics.prestress import Prestress, prestressed
     from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha

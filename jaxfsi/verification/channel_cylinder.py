@@ -19,8 +19,9 @@ from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.linear import geometry
 from jaxfsi.core.laws.fluid import Blood, fluid_residual, frozen
-from jaxfsi.core.laws.ports import AbstractVelocity, PressurePort, VelocityPort
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.pressure import PressurePort
+from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import State, initial_state

@@ -15,8 +15,9 @@ from jaxtyping import Array, Float
 
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import NeoHookean
-from jaxfsi.core.laws.ports import BlockPort, FlowPort
 from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.ports.block import BlockPort
+from jaxfsi.core.ports.flow import FlowPort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import State

@@ -16,9 +16,10 @@ from jaxtyping import Complex, Float
 
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import LinearElastic
-from jaxfsi.core.laws.ports import BlockPort, PressurePort
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.block import BlockPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import State, initial_state

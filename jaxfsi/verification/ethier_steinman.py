@@ -18,8 +18,8 @@ from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.linear import flux
 from jaxfsi.core.laws.fluid import Blood
-from jaxfsi.core.laws.ports import AbstractVelocity, VelocityPort
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import State, initial_state

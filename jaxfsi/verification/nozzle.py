@@ -21,8 +21,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxfsi.core.laws.fluid import Blood
-from jaxfsi.core.laws.ports import FlowPort, PressurePort
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.flow import FlowPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import State, initial_state

@@ -15,8 +15,8 @@ from jaxtyping import Bool, Complex, Float
 
 from jaxfsi.core.elements.linear import flux
 from jaxfsi.core.laws.fluid import Blood
-from jaxfsi.core.laws.ports import PressurePort
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import State, initial_state

@@ -21,9 +21,9 @@ from jaxtyping import Array, Bool, Float
 
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import AbstractMaterial, LinearElastic, SaintVenantKirchhoff
-from jaxfsi.core.laws.ports import PressurePort
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.core.step.state import State, initial_state

@@ -87,7 +87,7 @@ def lumen_volume(state: State, model: Model, wall: Int[Array, "3 faces"]) -> Flo
 
     The bows' volume is right to the first order in their height.
     """
-    x = model.x + state.d
+    x = model.x + jnp.where(model.in_solid, state.d, state.d_mesh)
 
     def share(faces: Int[Array, "3 faces"]) -> Float[Array, ""]:
         return jnp.sum(jnp.mean(x[:, faces], axis=1) * area_vectors(x, faces)) / 3.0

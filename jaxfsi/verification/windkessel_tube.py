@@ -14,8 +14,9 @@ from jaxtyping import Float
 from scipy.signal import lfilter
 
 from jaxfsi.core.laws.fluid import Blood
-from jaxfsi.core.laws.ports import BlockPort, FlowPort
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.block import BlockPort
+from jaxfsi.core.ports.flow import FlowPort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import initial_state

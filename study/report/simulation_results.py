@@ -5,11 +5,9 @@ import pathlib
 from collections.abc import Mapping
 from typing import Any
 
-import jax
 import numpy as np
 
 from jaxfsi import Mesh, Region
-from jaxfsi.core.laws.ports import BlockPort
 from jaxfsi.core.step.model import Model
 from jaxfsi.fields import read_series
 from jaxfsi.simulation import Record, ShearMeans, SolverChoice
@@ -94,18 +92,8 @@ def simulation_document(
 
 def _ports(model: Model) -> dict[str, dict[str, Any]]:
     """Kind and parameters of each opening."""
-    found: dict[str, dict[str, Any]] = {}
-    for name, port in zip(model.names, model.ports, strict=True):
-        if not is_opening(name):
-            continue
-        if isinstance(port, BlockPort):
-            block = port.block
-            values = {f.name: getattr(block, f.name) for f in dataclasses.fields(block)}
-            numbers = {n: float(v) for n, v in values.items() if isinstance(v, jax.Array)}
-            found[name] = {"kind": type(block).__name__, **numbers}
-        else:
-            found[name] = {"kind": "pressure"}
-    return found
+    ports = zip(model.names, model.ports, strict=True)
+    return {name: port.summary() for name, port in ports if is_opening(name)}
 
 
 def _shear(means: ShearMeans | None) -> dict[str, float] | None:

@@ -13,9 +13,10 @@ import numpy as np
 from jaxfsi import OUTER_WALL, Mesh
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
-from jaxfsi.core.laws.ports import Port, PressurePort
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.ports.port import AbstractPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model, build_model
@@ -36,7 +37,7 @@ Keep = Callable[[float, Callable[[], np.ndarray]], np.ndarray]
 def case_model(
     case: Case,
     mesh: Mesh,
-    ports: Mapping[str, Port],
+    ports: Mapping[str, AbstractPort],
     P_image: float,
     *,
     rigid: bool = False,

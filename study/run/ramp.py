@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from calibration import RampFit, RampRecord, fit_ramp, measured_slope
-from jaxfsi.core.laws.ports import Port, PressurePort
+from jaxfsi.core.ports.port import AbstractPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.opening import canonical_order
 from jaxfsi.simulation import Record
@@ -73,7 +74,7 @@ def prepare_ramp(bench: Bench, choice: RampChoice) -> Setup:
     n_steps = math.ceil(n_steps / _FRAMES) * _FRAMES
     plan = Schedule(duration / n_steps, n_steps, n_steps, n_steps // _FRAMES, duration)
     rising, held = Ramp(choice.P_image, choice.rate), Constant(choice.P_image)
-    ports: dict[str, Port] = {
+    ports: dict[str, AbstractPort] = {
         name: PressurePort(held if name.startswith(ANOMALOUS) else rising) for name in mesh.openings
     }
     model = case_model(case, mesh, ports, choice.P_image, keep=bench.keep)

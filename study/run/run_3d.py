@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxfsi import Mesh
-from jaxfsi.core.laws.ports import BlockPort
 from jaxfsi.core.step.state import State
 from jaxfsi.fields import read_series
 from jaxfsi.simulation import Record
@@ -229,9 +228,8 @@ def _continued(bench: Bench, before: RunName, setup: Setup) -> State:
     start = setup.state
     blocks = []
     for old, new, x in zip(rest.model.ports, setup.model.ports, end.blocks, strict=True):
-        if isinstance(old, BlockPort) and isinstance(new, BlockPort) and x.size:
-            x = x + old.block.external_pressure(0.0) - new.block.external_pressure(0.0)
-        blocks.append(x)
+        was, becomes = old.reference_pressure(0.0), new.reference_pressure(0.0)
+        blocks.append(x + was - becomes if x.shape == was.shape == becomes.shape else x)
     return end._replace(t=start.t, blocks=tuple(blocks))
 
 

@@ -38,7 +38,7 @@ from calibration.lumen_shape import (
     thickness_field,
 )
 from calibration.ratio_gradient import RatioGradient, Reading, ratio_gradient
-from jaxfsi.core.laws.ports import Port
+from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model
@@ -92,7 +92,7 @@ def boundary_of(case: Case, name: RunName) -> Boundary:
 
 def under(
     boundary: Boundary, case: Case, condition: str, model: Model, mesh: Mesh
-) -> tuple[tuple[Port, ...], State]:
+) -> tuple[tuple[AbstractPort, ...], State]:
     """Ports and start of a model under a boundary; its numbers may be traced."""
     entry = dataclasses.replace(
         case.conditions[condition],

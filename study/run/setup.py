@@ -44,7 +44,9 @@ from calibration import (
     systemic_windkessel,
 )
 from jaxfsi import Mesh, Region, submesh
-from jaxfsi.core.laws.ports import BlockPort, Port, PressurePort
+from jaxfsi.core.ports.block import BlockPort
+from jaxfsi.core.ports.port import AbstractPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State, initial_state
 from lumped import (
@@ -121,7 +123,7 @@ class Outlets:
     blocks: dict[str, AbstractElement]
     starts: dict[str, Float[Array, " _"]]
 
-    def ports(self, inlet: AbstractWaveform, names: Sequence[str]) -> dict[str, Port]:
+    def ports(self, inlet: AbstractWaveform, names: Sequence[str]) -> dict[str, AbstractPort]:
         """Condition of each opening: the aortic pressure where there is no block."""
         blocks = ((name, self.blocks.get(name)) for name in names)
         return {n: PressurePort(inlet) if b is None else BlockPort(b) for n, b in blocks}

@@ -31,10 +31,7 @@ from jaxfsi.core.elements.assembly import MASS
 from jaxfsi.core.elements.linear import (
     Corners,
     added,
-    area_vectors,
     corners,
-    face_load,
-    flux,
     gradient,
     kept_apart,
     scatter,
@@ -45,10 +42,10 @@ from jaxfsi.core.elements.stencil import Pattern, Values, apply, assemble, patte
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.fluid import velocity_gradient
 from jaxfsi.core.laws.interface import bowed_flux, bowed_load
-from jaxfsi.core.laws.ports import HeldPort
 from jaxfsi.core.laws.tissue import tissue_force
+from jaxfsi.core.ports.port import PortMotion
 from jaxfsi.core.solve.wall_tangent import WallTangent, apply_wall, wall_tangent
-from jaxfsi.core.step.equations import BACKFLOW, Step, Unknowns, midpoint
+from jaxfsi.core.step.equations import Step, Unknowns, midpoint
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
 
@@ -336,14 +333,7 @@ def _port_slope(
     """Derivative of the ports' forces along a change of velocity."""
     _, w_u, _ = method.weights(step.dt)
     load = jnp.zeros_like(u)
-    for i, (port, faces) in enumerate(zip(model.ports, model.port_faces, strict=True)):
-        if isinstance(port, HeldPort):
-            continue
-        area = area_vectors(step.x, faces)
-        P = step.Z[i] * flux(u, step.x, faces)
-        c = jnp.mean(step.coefficients.c[:, faces], axis=1)
-        inflow = jnp.minimum(jnp.sum(c * area, axis=0), 0.0)
-        backflow = 0.5 * BACKFLOW * model.blood.rho_f * inflow
-        push = w_u * backflow * jnp.mean(u[:, faces], axis=1) - P * area
-        load = load + face_load(push, faces, model.n_nodes)
+    motion = PortMotion(u, step.coefficients.c, step.x, model.blood.rho_f)
+    for i, (port, surface) in enumerate(zip(model.ports, model.surfaces, strict=True)):
+        load = port.add_load_tangent(load, step.Z[i], w_u, motion, surface)
     return load

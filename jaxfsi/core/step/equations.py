@@ -23,8 +23,6 @@ from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.linear import (
     Geometry,
-    area_vectors,
-    face_load,
     flux,
     geometry,
     kept_apart,
@@ -33,18 +31,13 @@ from jaxfsi.core.elements.linear import (
 from jaxfsi.core.laws.fluid import Frozen, fluid_residual, frozen
 from jaxfsi.core.laws.interface import bowed_flux, bowed_load
 from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_displacement
-from jaxfsi.core.laws.ports import BlockPort, FlowPort, HeldPort, PressurePort, VelocityPort
 from jaxfsi.core.laws.solid import Wall, solid_residual
 from jaxfsi.core.laws.tissue import tissue_force
+from jaxfsi.core.ports.port import PortMotion
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
 from lumped.parameters import Parameter
-from lumped.views import implicit_step
-
-BACKFLOW = 0.2
-"""Share β of the kinetic energy that inflow at an outlet would bring in, which is taken out again
-by the traction −½ β ρ (u·n)₋ u (Esmaily Moghadam et al. 2011)."""
 
 
 class Unknowns(NamedTuple):
@@ -91,12 +84,8 @@ class Step(NamedTuple):
 def held_velocity(t: Parameter, model: Model) -> Float[Array, "3 nodes"]:
     """Velocity of the held nodes at time t [cm/s]."""
     u = jnp.zeros((3, model.n_nodes))
-    for port, profile, faces in zip(model.ports, model.profiles, model.port_faces, strict=True):
-        if isinstance(port, FlowPort) and profile is not None:
-            u = u + port.flow(t) * profile
-        elif isinstance(port, VelocityPort):
-            on_port = jnp.zeros(model.n_nodes, bool).at[faces].set(True)
-            u = jnp.where(on_port, port.velocity(t, model.x), u)
+    for port, surface in zip(model.ports, model.surfaces, strict=True):
+        u = port.add_velocity(t, u, model.x, surface)
     return u
 
 
@@ -114,31 +103,25 @@ def begin_step(
     d_guess = 2.0 * state.d - state.d_before
     d_mesh = state.d_mesh
     if motion is not None:
-        d_mesh = mesh_displacement(motion, jnp.where(model.in_solid, d_guess, 0.0))
+        moved = 0.0
+        for port, at_start, surface in zip(
+            model.ports, state.port_states, model.surfaces, strict=True
+        ):
+            moved = port.add_displacement(state.t, dt, moved, at_start, surface)
+        d_mesh = mesh_displacement(motion, jnp.where(model.in_solid, d_guess, moved))
     elif model.is_dry:  # loads on the wall follow it
         d_mesh = jnp.where(model.in_solid, d_guess, 0.0)
     alpha = method.alpha_f
-    between = lambda old, new, w=alpha: old + w * (new - old)  # noqa: E731
-    x = model.x + between(state.d_mesh, d_mesh)
+    x = model.x + (state.d_mesh + alpha * (d_mesh - state.d_mesh))
     fluid_shape = geometry(x, model.fluid_tets)
     fluid_shape = kept_apart(fluid_shape, fluid_shape)
     solid_shape = geometry(model.x, model.solid_tets)
     solid_shape = kept_in_derivatives(solid_shape, solid_shape)
     P_offset, Z = [], []
-    for i, port in enumerate(model.ports):
-        if isinstance(port, PressurePort):
-            P_offset.append(port.pressure(state.t + alpha * dt))
-            Z.append(0.0)
-        elif isinstance(port, BlockPort):
-            Q_guess = flux(guess.u, x, model.port_faces[i])
-            slope, offset = implicit_step(
-                state.t, dt, state.blocks[i], port.block, state.Q_port[i], Q_guess
-            )
-            P_offset.append(between(state.P_port[i], offset))
-            Z.append(alpha * slope)
-        else:
-            P_offset.append(0.0)
-            Z.append(0.0)
+    for port, at_start, surface in zip(model.ports, state.port_states, model.surfaces, strict=True):
+        traction = port.linearise(state.t, dt, at_start, guess.u, x, surface, method)
+        P_offset.append(traction.P_offset)
+        Z.append(traction.Z)
     return Step(
         dt,
         state,
@@ -234,18 +217,10 @@ def _port_load(
 ) -> Float[Array, "3 nodes"]:
     """Forces of all ports on the nodes [dyn]."""
     load = jnp.zeros_like(u)
-    for i, (port, faces) in enumerate(zip(model.ports, model.port_faces, strict=True)):
-        if isinstance(port, HeldPort):
-            continue
-        area = area_vectors(step.x, faces)
-        P = step.P_offset[i] + step.Z[i] * flux(y.u, step.x, faces) - model.P_ambient
-        c = jnp.mean(step.coefficients.c[:, faces], axis=1)
-        inflow = jnp.minimum(jnp.sum(c * area, axis=0), 0.0)
-        backflow = 0.5 * BACKFLOW * model.blood.rho_f * inflow * jnp.mean(u[:, faces], axis=1)
-        load = load + face_load(backflow - P * area, faces, model.n_nodes)
-        edges = model.port_edges[i]
-        if edges is not None:  # ∫ 4 N_a N_b over a triangle is a third of its area too
-            load = load - face_load(P * area, edges, model.n_nodes)
+    motion = PortMotion(u, step.coefficients.c, step.x, model.blood.rho_f)
+    for i, (port, surface) in enumerate(zip(model.ports, model.surfaces, strict=True)):
+        P = step.P_offset[i] + step.Z[i] * flux(y.u, step.x, surface.faces) - model.P_ambient
+        load = port.add_load(load, P, motion, surface)
     return load
 
 

@@ -18,9 +18,8 @@ from jaxfsi.core.elements.quadratic import QuadraticElement, edges_of_faces, num
 from jaxfsi.core.elements.wall import AbstractWallElement, LinearElement
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.interface import BowedInterface
-from jaxfsi.core.laws.ports import FlowPort, HeldPort, OpenPort, Port
-from jaxfsi.core.laws.profile import unit_flow_profile
 from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.ports.port import AbstractPort, PortSurface
 from jaxfsi.faces import triangle_edges
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
 from lumped.parameters import Parameter
@@ -55,7 +54,7 @@ class Model(eqx.Module):
             Geometry is extrapolated in time, and so are the loads that turn with a surface: the
             smaller the pressures, the longer the steps that are stable.
         ports: condition of each port.
-        profiles: velocity of unit inflow at flow ports [1/cm²]; a field without entries elsewhere.
+        profiles: field that each port made from the mesh; None: it needs none.
         port_faces: triangles of each port.
         port_edges: unknowns of the edges opposite to their corners, where they bow; else None.
         outer_faces: triangles that the tissue outside supports.
@@ -76,7 +75,7 @@ class Model(eqx.Module):
     wall: Wall | None
     prestress: Float[Array, "3 3 points solid_tets"] | None
     P_ambient: Float[Array, ""]
-    ports: tuple[Port, ...]
+    ports: tuple[AbstractPort, ...]
     profiles: tuple[Float[Array, "3 nodes"] | None, ...]
     port_faces: tuple[Int[Array, "3 _"], ...]
     port_edges: tuple[Int[Array, "3 _"] | None, ...]
@@ -106,10 +105,22 @@ class Model(eqx.Module):
         """Whether there is no blood."""
         return self.fluid_tets.shape[1] == 0
 
+    @property
+    def moves_mesh(self) -> bool:
+        """Whether the mesh of the blood moves, with the wall or with the surface of a port."""
+        moved = not self.is_rigid or any(port.moves_surface for port in self.ports)
+        return moved and not self.is_dry
+
+    @property
+    def surfaces(self) -> tuple[PortSurface, ...]:
+        """Surface of each port."""
+        parts = zip(self.port_faces, self.port_edges, self.profiles, strict=True)
+        return tuple(PortSurface(*part) for part in parts)
+
 
 def build_model(
     mesh: Mesh,
-    ports: Mapping[str, Port],
+    ports: Mapping[str, AbstractPort],
     *,
     blood: Blood | None = None,
     wall: Wall | None = None,
@@ -150,19 +161,20 @@ def build_model(
     held = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))
     if not len(solid):
         held |= _marked(n_nodes, mesh.labelled(INTERFACE))
-    profiles = []
+    profiles, fixed = [], held.copy()
     for name, port in ports.items():
-        profile = None
-        if isinstance(port, FlowPort):
-            profile = np.pad(unit_flow_profile(mesh, name).T, ((0, 0), (0, n_edges)))
-        profiles.append(None if profile is None else jnp.asarray(profile))
-        if isinstance(port, HeldPort):
+        profile = port.setup(mesh, name, fixed)
+        if profile is not None:
+            profile = jnp.asarray(np.pad(profile.T, ((0, 0), (0, n_edges))))
+        profiles.append(profile)
+        if port.prescribes_velocity:
             held |= _marked(n_nodes, mesh.labelled(name))
-    if len(fluid) and not len(solid) and all(isinstance(p, HeldPort) for p in ports.values()):
+    if len(fluid) and not len(solid) and all(p.prescribes_velocity for p in ports.values()):
         # Nothing sets the level of the pressure: it counts from one node, whose continuity
         # equation follows from the others.
         in_fluid[fluid[0, 0]] = False
-    openings = _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
+    mesh_held = in_solid | _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
+    mesh_held |= ~in_fluid if len(solid) else fixed
     outer = mesh.labelled(OUTER_WALL) if OUTER_WALL in mesh.label_names else np.zeros((0, 3), int)
     return Model(
         x=jnp.asarray(np.pad(mesh.points.T.astype(float), ((0, 0), (0, n_edges)))),
@@ -171,7 +183,7 @@ def build_model(
         in_fluid=jnp.asarray(np.append(in_fluid, np.zeros(n_edges, bool))),
         in_solid=jnp.asarray(np.append(in_solid, np.ones(n_edges, bool))),
         held=jnp.asarray(np.append(held, _among(ends, mesh, clamped))),
-        mesh_held=jnp.asarray(np.append(in_solid | openings | ~in_fluid, np.ones(n_edges, bool))),
+        mesh_held=jnp.asarray(np.append(mesh_held, np.ones(n_edges, bool))),
         blood=Blood() if blood is None else blood,
         wall=wall if len(solid) else None,
         prestress=None,
@@ -240,7 +252,9 @@ def _marked(n_nodes: int, *elements: Int[np.ndarray, "_ _"]) -> Bool[np.ndarray,
     return mark
 
 
-def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tuple[str, ...]):
+def _check(
+    mesh: Mesh, ports: Mapping[str, AbstractPort], wall: Wall | None, clamped: tuple[str, ...]
+):
     faults = [
         f"there is no label {name!r}" for name in (*ports, *clamped) if name not in mesh.label_names
     ]
@@ -250,7 +264,7 @@ def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tu
     faults += [
         f"the port {name!r} is a {type(port).__name__}"
         for name, port in ports.items()
-        if not isinstance(port, OpenPort | HeldPort)
+        if not isinstance(port, AbstractPort)
     ]
     if wall is None and np.any(mesh.region == Region.SOLID):
         faults.append("the mesh has a wall but none is given")
@@ -258,5 +272,5 @@ def _check(mesh: Mesh, ports: Mapping[str, Port], wall: Wall | None, clamped: tu
         raise ValueError(
             "; ".join(faults)
             + f". The mesh has the labels {', '.join(mesh.label_names)}; give each opening a"
-            " PressurePort, BlockPort, FlowPort or VelocityPort."
+            " port, such as PressurePort, BlockPort, FlowPort or VelocityPort."
         )

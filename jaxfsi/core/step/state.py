@@ -5,11 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.laws.ports import BlockPort
+from jaxfsi.core.ports.port import PortState
 from jaxfsi.core.step.model import Model
 from lumped.parameters import Parameter
-from lumped.views import driven
-from lumped.waveforms import Constant
 
 
 class State(NamedTuple):
@@ -25,7 +23,7 @@ class State(NamedTuple):
         u_before: velocity one step earlier, for extrapolation [cm/s].
         p_before: pressure one step earlier [dyn/cm²].
         d_before: displacement of the wall one step earlier [cm].
-        blocks: states of the block of each port, empty for other ports.
+        blocks: internal state of each port, such as that of its block; empty where it has none.
         P_port: pressure of each port [dyn/cm²].
         Q_port: flow out of each port [cm³/s].
     """
@@ -43,6 +41,13 @@ class State(NamedTuple):
     P_port: Float[Array, " ports"]
     Q_port: Float[Array, " ports"]
 
+    @property
+    def port_states(self) -> tuple[PortState, ...]:
+        """Each port between two steps."""
+        return tuple(
+            PortState(x, self.P_port[i], self.Q_port[i]) for i, x in enumerate(self.blocks)
+        )
+
 
 def initial_state(
     model: Model,
@@ -57,18 +62,14 @@ def initial_state(
         model: the model.
         t: time [s].
         p: pressure of the blood [dyn/cm²].
-        blocks: states of the block of each port; None: zero.
+        blocks: internal state of each port; None: at rest.
     """
     zero = jnp.zeros((3, model.n_nodes))
     pressure = jnp.where(model.in_fluid, jnp.asarray(p, float), 0.0)
     states = []
     for i, port in enumerate(model.ports):
         given = None if blocks is None else blocks[i]
-        if isinstance(port, BlockPort):
-            n = driven(port.block, Constant(0.0)).n_states
-            states.append(jnp.zeros(n) if given is None else jnp.asarray(given, float))
-        else:
-            states.append(jnp.zeros(0))
+        states.append(port.initial_state() if given is None else jnp.asarray(given, float))
     n_ports = len(model.ports)
     return State(
         t=jnp.asarray(t, float),

@@ -7,15 +7,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.elements.linear import area_vectors, flux
-from jaxfsi.core.laws.ports import BlockPort
+from jaxfsi.core.elements.linear import flux
+from jaxfsi.core.ports.port import PortState
 from jaxfsi.core.solve.newton import SLACK, solve_step, with_derivative
 from jaxfsi.core.step.equations import Step, Unknowns, begin_step, extrapolated
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
 from jaxfsi.core.step.stepper import Stepper
-from lumped.views import advance
 
 
 class RESULTS(eqx.Enumeration):
@@ -146,7 +145,7 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
     dt, old = step.dt, step.state
     a = method.acceleration(dt, old.u, old.a, y.u)
     d = method.displacement(dt, old.d, old.u, old.a, a)
-    ports = at_ports(y, model, step)
+    ports = at_ports(y, model, step, method)
     return State(
         old.t + dt,
         y.u,
@@ -157,44 +156,18 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         old.u,
         old.p,
         old.d,
-        ports.blocks,
-        ports.P,
-        ports.Q,
+        tuple(port.x for port in ports),
+        jnp.array([port.P for port in ports], float),
+        jnp.array([port.Q for port in ports], float),
     )
 
 
-class AtPorts(NamedTuple):
-    """Ports at the end of a step.
-
-    Attributes:
-        blocks: states of the boundary blocks.
-        P: mean pressure of each port [dyn/cm²].
-        Q: flow out of each port [cm³/s].
-    """
-
-    blocks: tuple[Float[Array, " _"], ...]
-    P: Float[Array, " ports"]
-    Q: Float[Array, " ports"]
-
-
-def at_ports(y: Unknowns, model: Model, step: Step) -> AtPorts:
-    """Flows and pressures of the ports, and states of their blocks, of a solution of a step."""
-    old = step.state
-    Q = jnp.array([flux(y.u, step.x, faces) for faces in model.port_faces], float)
-    blocks, P = [], []
-    for i, port in enumerate(model.ports):
-        if isinstance(port, BlockPort):
-            after = advance(old.t, step.dt, old.blocks[i], port.block, old.Q_port[i], Q[i])
-            blocks.append(after.x)
-            P.append(after.P)
-        else:
-            blocks.append(old.blocks[i])
-            P.append(_mean_pressure(y.p, step, model.port_faces[i]))
-    return AtPorts(tuple(blocks), jnp.array(P, float), Q)
-
-
-def _mean_pressure(
-    p: Float[Array, " nodes"], step: Step, faces: Int[Array, "3 faces"]
-) -> Float[Array, ""]:
-    area = jnp.sqrt(jnp.sum(area_vectors(step.x, faces) ** 2, axis=0))
-    return jnp.sum(jnp.mean(p[faces], axis=0) * area) / jnp.sum(area)
+def at_ports(
+    y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha
+) -> tuple[PortState, ...]:
+    """The ports at the end of a step, of its solution."""
+    old, ends = step.state, []
+    for port, before, surface in zip(model.ports, old.port_states, model.surfaces, strict=True):
+        Q = flux(y.u, step.x, surface.faces)
+        ends.append(port.end_step(old.t, step.dt, before, Q, y.p, step.x, surface, method))
+    return tuple(ends)

@@ -60,10 +60,9 @@ def prepare(
     if not 0.0 < tolerance < 1.0:
         raise ValueError(f"tolerance = {tolerance} is not between 0 and 1; 1e-3 is usual")
     method = generalized_alpha(rho_infinity)
-    moves = not (model.is_rigid or model.is_dry)
     return Stepper(
         jnp.asarray(dt, float),
-        mesh_motion(model) if moves else None,
+        mesh_motion(model) if model.moves_mesh else None,
         preconditioner(dt, model, method),
         method,
         tolerance,

@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.laws.ports import BlockPort, FlowPort, PressurePort
+from jaxfsi.core.ports.block import BlockPort
+from jaxfsi.core.ports.flow import FlowPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.equations import Unknowns, begin_step, extrapolated, renewed, residual
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import build_model

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from jaxfsi.core.elements.linear import flux
-from jaxfsi.core.laws.ports import FlowPort, VelocityPort
+from jaxfsi.core.ports.flow import FlowPort
+from jaxfsi.core.ports.velocity import VelocityPort
 from jaxfsi.core.step.equations import held_velocity
 from jaxfsi.core.step.model import build_model
 from jaxfsi.meshing import tube

@@ -12,8 +12,9 @@ import numpy as np
 
 from jaxfsi import Mesh
 from jaxfsi.core.laws.materials import SaintVenantKirchhoff
-from jaxfsi.core.laws.ports import BlockPort, PressurePort
 from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.ports.block import BlockPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.core.step.state import State, initial_state
 from jaxfsi.meshing import tube

@@ -7,8 +7,8 @@ import pytest
 from jaxfsi.core.elements.linear import area_vectors
 from jaxfsi.core.laws.interface import bowed_flux, bowed_load
 from jaxfsi.core.laws.materials import LinearElastic
-from jaxfsi.core.laws.ports import PressurePort
 from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.statics.equilibrium import Loads, load_forces, pressure_load
 from jaxfsi.core.step.equations import Unknowns, begin_step, residual
 from jaxfsi.core.step.generalized_alpha import generalized_alpha

@@ -7,8 +7,8 @@ import pytest
 from jaxfsi.core.elements.linear import geometry
 from jaxfsi.core.laws.materials import SaintVenantKirchhoff
 from jaxfsi.core.laws.mesh_motion import mesh_displacement, mesh_motion
-from jaxfsi.core.laws.ports import PressurePort
 from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.model import build_model
 from jaxfsi.meshing import tube
 from lumped.waveforms import Constant

@@ -9,9 +9,11 @@ import pytest
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import LinearElastic, NeoHookean
 from jaxfsi.core.laws.mesh_motion import mesh_motion
-from jaxfsi.core.laws.ports import BlockPort, FlowPort, PressurePort
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.viscosity import CarreauYasuda, Newtonian
+from jaxfsi.core.ports.block import BlockPort
+from jaxfsi.core.ports.flow import FlowPort
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.solve.preconditioner import (
     precondition,
     precondition_transposed,

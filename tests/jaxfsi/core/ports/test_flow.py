@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxfsi.core.elements.linear import flux
-from jaxfsi.core.laws.profile import unit_flow_profile
+from jaxfsi.core.ports.flow import unit_flow_profile
 from jaxfsi.meshing import elliptic, tube
 
 RADIUS = 0.5

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from jaxfsi.core.laws.viscosity import AbstractViscosity, CarreauYasuda, Newtonian
     from jaxfsi.core.ports.block import BlockPort
     from jaxfsi.core.ports.flow import FlowPort
+    from jaxfsi.core.ports.inertance import ResistanceInertancePort
     from jaxfsi.core.ports.port import AbstractPort, AbstractTractionPort, AbstractVelocityPort
     from jaxfsi.core.ports.pressure import PressurePort
     from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort

@@ -13,6 +13,7 @@ from jaxfsi.core import (
     BlockPort,
     FlowPort,
     PressurePort,
+    ResistanceInertancePort,
     VelocityPort,
     build_model,
     generalized_alpha,
@@ -48,6 +49,7 @@ PORTS = {
     "flow": FlowPort(Sinusoid(2.0, 1.0, 0.01)),
     "velocity": VelocityPort(Paraboloid(5.0)),
     "block": BlockPort(RCR(R_proximal=200.0, C=1e-5, R_distal=2e3, P_ref=100.0)),
+    "resistance and inertance": ResistanceInertancePort(R=200.0, L=5.0, P_ref=100.0),
 }
 
 

@@ -12,6 +12,7 @@ PROMISES = {
     "calibrate_patient": ["alpha", "closed form", "printed", "all"],
     "sweep_cohort": ["cases: 2000", "rest", "d alpha/d ratio"],
     "elastic_tube": ["mean pressure", "Ohm"],
+    "wall_and_blood": ["Newtonian", "Carreau-Yasuda", "viscoelastic", "supported"],
     "ffr_gradient": ["FFR under stress", "resting ratio", "with K"],
 }
 

@@ -106,6 +106,7 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     values["stress"] = _read_stress(document.get("stress", {}), context)
     check_case(values, document, context)
     _check_laws(document, context)
+    _check_thinning(values.get("blood"), context)
     return values
 
 
@@ -138,6 +139,15 @@ def _check_laws(document: Mapping[str, Any], context: Context) -> None:
         problem = f"the law {wall['material']} has no such penalty"
         cure = f'remove it, or write material = "{stiff}"'
         context.add(f"wall.{penalty}", wall[penalty], problem, cure)
+
+
+def _check_thinning(blood: Mapping[str, Any] | None, context: Context) -> None:
+    """Refuse blood that is thinner at rest than in motion."""
+    at_rest, fast = (blood or {}).get("mu_zero"), (blood or {}).get("mu_infinite")
+    if at_rest is not None and fast is not None and at_rest <= fast:
+        problem = f"not above mu_inf_poise = {fast:g}: blood thins with the shear rate"
+        cure = "check both values; swap them if they were exchanged"
+        context.add("blood.mu_0_poise", at_rest, problem, cure, "above mu_inf_poise")
 
 
 def _refuse_unknown_tables(document: Mapping[str, Any], context: Context) -> set[str]:

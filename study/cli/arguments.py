@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from diagnosis.richness import RICHNESS
-from jaxfsi.meshing.presets import PRESETS
+from study.case.parameters import MeshOptions, SolverOptions
+from study.case.schema import Quantity, Word, keys_of
 from study.cli.request import Request, ShowOptions, TemplateOptions
 from study.store.cache_folder import VARIABLE
 from study.store.numerics import installed
@@ -298,13 +299,7 @@ def _mesh_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--state", nargs="+", metavar="NAME", help="states to mesh, or all; default: the first"
     )
-    command.add_argument("--preset", choices=tuple(PRESETS), help="30k, 150k or 500k tetrahedra")
-    command.add_argument(
-        "--elements-across", type=_count(2, 24), metavar="N", help="at least so many, 2 to 24"
-    )
-    command.add_argument("--wall-layers", type=_count(1, 8), metavar="N", help="1 to 8; default: 2")
-    command.add_argument("--backend", choices=("netgen", "gmsh", "tetgen"))
-    command.add_argument("--unit", choices=("cm", "mm"), help="of the mesh files; default: cm")
+    _key_arguments(command, MeshOptions)
     command.add_argument(
         "--format",
         type=_formats,
@@ -314,12 +309,30 @@ def _mesh_arguments(command: argparse.ArgumentParser) -> None:
     )
 
 
+def _key_arguments(command: argparse.ArgumentParser, model: type, *names: str) -> None:
+    """Options that stand for keys of a case, as these declare them; by default all of a table."""
+    for key in keys_of(model):
+        flag = f"--{key.name.replace('_', '-')}"
+        if names and key.name not in names:
+            continue
+        told = key.text if key.default is None else f"{key.text}; default: {key.default}"
+        if isinstance(key, Word):
+            command.add_argument(flag, choices=key.options, help=told)
+        elif isinstance(key, Quantity) and key.whole:
+            read = _count(int(key.low), int(key.high))
+            help_ = f"{told}; {key.low:g} to {key.high:g}"
+            command.add_argument(flag, type=read, metavar="N", help=help_)
+        elif isinstance(key, Quantity):
+            read, unit = _positive(key.high), key.unit.upper() or "X"
+            command.add_argument(flag, type=read, metavar=unit, help=told)
+
+
 def _simulation_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument("--rigid", action="store_true", help="a wall that does not move")
     command.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
     command.add_argument("--state", metavar="NAME", help="state of the anatomy; default: the first")
-    command.add_argument("--preset", choices=tuple(PRESETS), help="30k, 150k or 500k tetrahedra")
-    command.add_argument("--dt", type=_positive(0.1), metavar="S", help="step in s; default: 1e-3")
+    _key_arguments(command, MeshOptions, "preset")
+    _key_arguments(command, SolverOptions, "dt")
     command.add_argument(
         "--cycles", type=_positive(1000.0), metavar="N", help="may be a part of one; default: 4"
     )
@@ -337,8 +350,8 @@ def _simulation_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def _study_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--preset", choices=tuple(PRESETS), help="30k, 150k or 500k tetrahedra")
-    command.add_argument("--dt", type=_positive(0.1), metavar="S", help="step in s; default: 1e-3")
+    _key_arguments(command, MeshOptions, "preset")
+    _key_arguments(command, SolverOptions, "dt")
     command.add_argument(
         "--cycles", type=_count(1, 100), metavar="N", help="of each run; default: 1"
     )

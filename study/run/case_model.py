@@ -14,7 +14,7 @@ from jaxfsi import OUTER_WALL, Mesh
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
-from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.core.laws.viscosity import CarreauYasuda, Newtonian
 from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
@@ -22,6 +22,7 @@ from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model, build_model
 from lumped.waveforms import Constant
 from study.case.model import Case
+from study.case.parameters import BloodParameters, WallParameters
 
 MATERIALS = {
     "linear": LinearElastic,
@@ -29,6 +30,36 @@ MATERIALS = {
     "neo_hookean": NeoHookean,
 }
 """Elastic laws of the wall by name."""
+
+VISCOSITIES = {
+    "newtonian": lambda blood: Newtonian(blood.mu),
+    "carreau_yasuda": lambda blood: CarreauYasuda(
+        mu_zero=blood.mu_zero,
+        mu_infinite=blood.mu_infinite,
+        relaxation_time=blood.relaxation_time,
+        exponent=blood.exponent,
+        transition=blood.transition,
+    ),
+}
+"""Viscosity laws of the blood by name, from its parameters."""
+
+
+def blood_of(blood: BloodParameters) -> Blood:
+    """The blood of a model."""
+    return Blood(blood.rho_f, VISCOSITIES[blood.law](blood))
+
+
+def wall_of(wall: WallParameters) -> Wall:
+    """The wall of a model, with the tissue outside."""
+    penalty = (wall.volumetric_penalty,) if wall.material == "saint_venant_kirchhoff" else ()
+    return Wall(
+        MATERIALS[wall.material](wall.E, wall.nu, *penalty),
+        rho_s=wall.rho_s,
+        damping=wall.damping,
+        support_stiffness=wall.tissue.stiffness,
+        support_damping=wall.tissue.damping,
+    )
+
 
 Keep = Callable[[float, Callable[[], np.ndarray]], np.ndarray]
 """Gives the prestress at a pressure [dyn/cm²]: one that it kept, or what the function finds."""
@@ -58,14 +89,11 @@ def case_model(
     """
     loaded = not rigid and case.wall.prestress == "diastole"
     outside = {OUTER_WALL: PressurePort(Constant(0.0))} if loaded else {}
-    wall = None
-    if not rigid:
-        wall = Wall(MATERIALS[case.wall.material](case.wall.E, case.wall.nu), rho_s=case.wall.rho_s)
     model = build_model(
         mesh,
         {**ports, **outside},
-        blood=Blood(case.blood.rho_f, Newtonian(case.blood.mu)),
-        wall=wall,
+        blood=blood_of(case.blood),
+        wall=None if rigid else wall_of(case.wall),
         wall_element=case.wall.element,
         P_ambient=P_image,
     )

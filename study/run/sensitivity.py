@@ -38,6 +38,7 @@ from calibration.lumen_shape import (
     thickness_field,
 )
 from calibration.ratio_gradient import RatioGradient, Reading, ratio_gradient
+from jaxfsi.core.laws.viscosity import AbstractViscosity, CarreauYasuda, Newtonian
 from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
 from jaxfsi.core.statics.prestress import prestressed
@@ -58,7 +59,6 @@ from study.run.setup import (
     image_pressure,
     outlets_of,
 )
-from study.run.simulation import DAMPING, MOST_SYSTEMS
 from study.store.stages import PartOfStage, stage_key
 
 MOST_ITERATIONS = 80
@@ -203,10 +203,10 @@ def gradient_stepper(case: Case, setup: Setup, *, tolerance: float | None = None
     return prepare(
         setup.schedule.dt,
         setup.model,
-        rho_infinity=DAMPING,
+        rho_infinity=case.solver.rho_infinity,
         tolerance=tolerance or case.solver.tolerance or _TOLERANCE,
-        max_linear=MOST_ITERATIONS,
-        max_nonlinear=MOST_SYSTEMS,
+        max_linear=max(MOST_ITERATIONS, case.solver.max_iterations),
+        max_nonlinear=case.solver.max_systems,
     )
 
 
@@ -239,11 +239,19 @@ def by_parameters(
     total["nu"] = float(elastic.nu * (by_elastic.nu + by_nu))
     total["P_image"] = float(P_image * (by.P_ambient + by_image))
     total["rho_f"] = float(model.blood.rho_f * by.blood.rho_f)
-    total["mu"] = float(case.blood.mu * by.blood.viscosity.mu)
+    total["mu"] = _by_viscosity(model.blood.viscosity, by.blood.viscosity)
     nodes = np.asarray(by.x + by_x)[:, : model.n_vertices].T
     surface = lumen_surface(setup.mesh)
     total["thickness"] = float(np.sum(nodes * thickness_field(setup.mesh, surface)))
     return {key: value / swept.ratio for key, value in total.items()}, nodes
+
+
+def _by_viscosity(law: AbstractViscosity, by: Any) -> float:
+    """Derivative by the logarithm of the viscosity, at every shear rate alike."""
+    if isinstance(law, CarreauYasuda):
+        return float(law.mu_zero * by.mu_zero + law.mu_infinite * by.mu_infinite)
+    assert isinstance(law, Newtonian)
+    return float(law.mu * by.mu)
 
 
 def _boundary_part(

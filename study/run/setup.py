@@ -81,9 +81,6 @@ STEP = 1.0e-3
 CYCLES = 4
 """Cycles where the case says nothing, as in the paper."""
 
-FRAMES = 40
-"""Frames of fields in a cycle where the case says nothing."""
-
 LARGEST_NU = 0.499
 """Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
 
@@ -196,7 +193,7 @@ def plan_steps(
 ) -> Schedule:
     """Steps of a run: a cycle has a whole number of frames, a frame a whole number of steps."""
     period = case.conditions[condition].period
-    frames = case.solver.frames_per_cycle or FRAMES
+    frames = case.solver.frames_per_cycle
     wanted = dt or case.solver.dt or STEP
     frames = min(frames, math.ceil(period / wanted))
     per_frame = max(1, math.ceil(period / frames / wanted - 1e-9))

@@ -30,6 +30,7 @@ from jaxfsi.simulation import (
 from lumped import ML_PER_MIN, MMHG
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
+from study.case.parameters import SolverOptions
 from study.run.progress import Progress
 from study.run.setup import Schedule, Setup
 from study.store.result_files import CHECKPOINT_FILE, FIELD_FOLDER, HISTORY_FILE, SHEAR_FILE
@@ -38,24 +39,22 @@ from study.store.stages import stage_key
 CHUNK = 10
 """Whole steps in one compiled call."""
 
-CHECKPOINT_EVERY = 100
-"""Steps between two checkpoints where the case says nothing."""
-
-MOST_SYSTEMS = 8
-"""Linear systems in a step at most: a wall of an artery strains by a tenth, where each brings the
-residual down by less than a digit."""
-
-DAMPING = 0.0
-"""Spectral radius of the method at infinite frequency. Geometry is extrapolated in time, and the
-two pressures on the sides of an intramural wall shake it. While the blood's coefficients were
-extrapolated too, the bundled patient's wall fluttered to pieces with 0.5 at a drop of 22 mmHg and
-steps of 1 ms; more than 0 was not tried since they are not
-(`jaxfsi.core.step.equations.renewed`)."""
-
 STEP_NAME = "running"
 _HISTORY_SECONDS = 10.0
 _COMPILE_SECONDS = 60.0
 _STEP_SECONDS = {"coarse": 0.2, "medium": 1.0, "fine": 4.0}
+
+
+def solver_choice(options: SolverOptions) -> SolverChoice:
+    """How each step of a case is solved."""
+    choice = SolverChoice(
+        rho_infinity=options.rho_infinity,
+        max_linear=options.max_iterations,
+        max_nonlinear=options.max_systems,
+    )
+    if options.tolerance is None:
+        return choice
+    return dataclasses.replace(choice, tolerance=options.tolerance)
 
 
 class Outcome(NamedTuple):
@@ -105,13 +104,7 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
     series = FieldSeries(folder / FIELD_FOLDER, setup.mesh, every=plan.per_frame)
     watch = _Watch(setup, folder, progress)
     checkpoint = folder / CHECKPOINT_FILE
-    choice = SolverChoice(max_nonlinear=MOST_SYSTEMS, rho_infinity=DAMPING)
-    if options.tolerance is not None:
-        choice = dataclasses.replace(choice, tolerance=options.tolerance)
-    control = StepControl(
-        max_halvings=4 if options.max_halvings is None else options.max_halvings,
-        change_limit=options.change_limit,
-    )
+    control = StepControl(max_halvings=options.max_halvings, change_limit=options.change_limit)
     start = time.monotonic()
     progress.tell("compiling the step")
     try:
@@ -122,10 +115,10 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
             n_steps=plan.n_steps,
             chunk=CHUNK,
             control=control,
-            solver=choice,
+            solver=solver_choice(options),
             observers=[series, shear],
             checkpoint=checkpoint,
-            checkpoint_every=options.checkpoint_every or CHECKPOINT_EVERY,
+            checkpoint_every=options.checkpoint_every,
             glimpse=watch.look,
             numerics=stage_key("checkpoint"),
         )

@@ -157,6 +157,10 @@ BAD_EDITS = {
     "shear thinning without a law": (
         "[blood]", "[blood]\nmu_0_poise = 0.5", "blood.law", 'add law = "carreau_yasuda"',
     ),
+    "blood that thickens": (
+        "[blood]", '[blood]\nlaw = "carreau_yasuda"\nmu_0_poise = 0.03',
+        "blood.mu_0_poise", "not above mu_inf_poise = 0.0345",
+    ),
     "SI damping of the wall": (
         "[wall]", "[wall]\ndamping_Pa_s = 100", "wall.damping_Pa_s", "write damping_poise = 1000",
     ),

@@ -31,6 +31,8 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
+from calibration.damping import FIRST_GROWTH, next_damping
+
 RANK_TOLERANCE = 1e-8
 """Singular values below this share of the largest count as zero."""
 
@@ -87,7 +89,7 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
             V=jnp.zeros((n, n)),
             b=jnp.zeros(n),
             damping=one,
-            growth=2.0 * one,
+            growth=FIRST_GROWTH * one,
             quiet=jnp.zeros((), int),
             first=jnp.asarray(True),
             done=jnp.asarray(False),
@@ -116,12 +118,10 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
         ratio = jnp.where(jnp.isfinite(ratio), ratio, 0.0)
         # gains lost in round-off say nothing about the model
         ratio = jnp.where(state.gain > ROUND_OFF * state.cost, ratio, 1.0)
-        shrink = jnp.clip(1.0 - (2.0 * ratio - 1.0) ** 3, 0.1, 2.0)
-        damping = state.damping * jnp.where(taken, shrink, state.growth)
+        damping, growth = next_damping(state.damping, state.growth, taken, ratio)
         floor = (RANK_TOLERANCE * s[0]) ** 2 + 1e-300
         damping = jnp.maximum(damping, floor)
         damping = jnp.where(state.first, self.start_damping * s[0] ** 2 + 1e-300, damping)
-        growth = jnp.where(taken, 2.0, 2.0 * state.growth)
 
         s, V = jnp.where(taken, s, state.s), jnp.where(taken, V, state.V)
         b, cost = jnp.where(taken, b, state.b), jnp.where(taken, cost, state.cost)

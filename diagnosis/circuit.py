@@ -39,7 +39,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from diagnosis.elimination import solve_definite
+from lumped.elimination import solve_definite
 from lumped.units import MMHG
 
 SAMPLES = 256

@@ -16,7 +16,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from diagnosis.elimination import solve_definite
+from calibration.damping import FIRST_GROWTH, next_damping
+from lumped.elimination import solve_definite
 
 ATOL = 3e-3
 """Distance from the optimum, in posterior sd, that counts as none: evidence to 1e-5."""
@@ -76,8 +77,8 @@ def descend(
         )
         first = s.steps == 0
         ratio = jnp.where(sound & ~first, (s.cost - cost) / jnp.maximum(s.gain, 1e-300), 0.5)
-        shrink = jnp.clip(1.0 - (2.0 * ratio - 1.0) ** 3, 0.1, 2.0)
-        damping = s.damping * jnp.where(first, 1.0, jnp.where(taken, shrink, s.growth))
+        following, growth = next_damping(s.damping, s.growth, taken, ratio)
+        damping = jnp.where(first, s.damping, following)
 
         A = jnp.eye(start.shape[0]) + jnp.einsum("cdk,cdl->kl", best.J, best.J)
         g = jnp.einsum("cdk,cd->k", best.J, data - best.value) - best.x
@@ -90,7 +91,7 @@ def descend(
             cost=jnp.where(taken, cost, s.cost),
             gain=gain,
             damping=damping,
-            growth=jnp.where(taken, 2.0, 2.0 * s.growth),
+            growth=growth,
             steps=s.steps + 1,
             done=(gain <= 0.5 * ATOL**2) | (damping > 1e12) | (first & ~sound),
         )
@@ -103,7 +104,7 @@ def descend(
         cost=jnp.asarray(jnp.inf),
         gain=jnp.ones(()),
         damping=jnp.asarray(START_DAMPING),
-        growth=jnp.asarray(2.0),
+        growth=jnp.asarray(FIRST_GROWTH),
         steps=jnp.zeros((), int),
         done=jnp.asarray(False),
     )

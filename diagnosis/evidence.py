@@ -25,8 +25,8 @@ import numpy as np
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
-from diagnosis.elimination import schur_complement, solve_with_log_det
 from diagnosis.measured import correlation
+from lumped.elimination import schur_complement, solve_with_log_det
 
 
 class Whitened(NamedTuple):

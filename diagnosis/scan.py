@@ -8,7 +8,6 @@ from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float
 
 from diagnosis.effects import Effect
-from diagnosis.elimination import solve_definite
 from diagnosis.evidence import Whitened, log_moment
 from diagnosis.hypothesis import Catalogue, by_condition
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
@@ -21,6 +20,7 @@ from diagnosis.prediction import (
     predict,
     selection,
 )
+from lumped.elimination import solve_definite
 
 
 class Linearised(NamedTuple):

@@ -7,6 +7,7 @@ import numpy as np
 from jax.scipy.linalg import expm
 from jaxtyping import Array, Float
 
+from lumped.elimination import modulus_bound, solve_small
 from lumped.harmonics import from_harmonics, to_harmonics
 from lumped.march import aligned_times, march
 from lumped.network import Network, jacobian
@@ -20,7 +21,6 @@ from lumped.periodic_solution import (
     mean_start,
 )
 from lumped.results import RESULTS, is_successful
-from lumped.smallsolve import modulus_bound, solve_small
 from lumped.statespace import StateSpace, state_space
 
 SMALL = 6

@@ -17,7 +17,7 @@ from jaxtyping import install_import_hook
 
 # One thread a process, before XLA starts: there is a process on each core, and jaxlib 0.10 can wait
 # for ever where a program asks LAPACK for two batches of factorisations at once (see
-# `diagnosis.elimination`), which fits and sweeps of `calibration` may do.
+# `lumped.elimination`), which fits and sweeps of `calibration` may do.
 os.environ.setdefault("NPROC", "1")
 
 # Compiled code of this run, for all its processes: compilation is three quarters of the time of

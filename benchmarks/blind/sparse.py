@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Array
 
 from diagnosis import Diagnosis, Effect
-from diagnosis.elimination import solve_definite
 from diagnosis.hypothesis import numbers_of
 from diagnosis.measured import Measured
 from diagnosis.scan import linearise
+from lumped.elimination import solve_definite
 
 THRESHOLD = 2.0
 """Length of an effect's own trace below which it is left out [noise sd]."""

@@ -20,7 +20,6 @@ from lumped import (
     state_space,
 )
 from lumped.network import jacobian
-from lumped.smallsolve import solve_small
 from lumped.verification import BLOCKS, PERIOD, VESSELS
 
 P = PressureSource(Constant(1e5))
@@ -137,16 +136,3 @@ def test_jacobian_matches_differences():
         np.testing.assert_allclose(
             J[:, k], column, rtol=1e-6, atol=1e-8 * float(jnp.max(jnp.abs(J)))
         )
-
-
-@pytest.mark.parametrize("kind", [float, complex])
-def test_small_systems_are_solved_as_by_the_library(kind):
-    draw = np.random.default_rng(2)
-    A = draw.normal(size=(4, 4, 30)).astype(kind)
-    b = draw.normal(size=(4, 30)).astype(kind)
-    A[0, 0] = 0.0  # needs a pivot
-    if kind is complex:
-        A = A + 1j * draw.normal(size=A.shape)
-    x = jax.jit(solve_small)(jnp.asarray(A), jnp.asarray(b))
-    expected = np.linalg.solve(np.moveaxis(A, 2, 0), b.T[..., None])[..., 0].T
-    np.testing.assert_allclose(x, expected, rtol=1e-9, atol=1e-12)

@@ -1,13 +1,17 @@
+"""Small linear systems inside compiled programs."""
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from diagnosis import CATALOGUE, engine, measured, stacked
-from diagnosis.elimination import PANEL, schur_complement, solve_definite, solve_with_log_det
-from diagnosis.hypothesis import FITTED, numbers_of
-from diagnosis.prediction import n_unknowns
-from tests.diagnosis.records import settings, synthetic
+from lumped.elimination import (
+    PANEL,
+    schur_complement,
+    solve_definite,
+    solve_small,
+    solve_with_log_det,
+)
 
 
 def definite(seed: int, n: int, batch: tuple[int, ...] = ()) -> np.ndarray:
@@ -59,23 +63,14 @@ def test_derivative_of_the_determinant_is_the_inverse():
     np.testing.assert_allclose(found, np.linalg.inv(A), rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("nonlinear", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_compiled_blocks_call_no_library(nonlinear):
-    """Batches of factorisations by a library may wait for XLA's threads for ever."""
-    batch = stacked([measured(synthetic({}))] * 2)
-    k = n_unknowns(measured(settings())) + 2
-    pairs, x = np.array([[0, 1], [-1, -1]]), np.zeros((2, k))
-    numbers = numbers_of(CATALOGUE)
-    how = {"numbers": numbers, "effects": CATALOGUE, "nonlinear": nonlinear}
-    texts = [
-        engine._fit_block.lower(batch, pairs, x, np.full(2, FITTED), **how).as_text(),
-        engine._force_block.lower(batch, pairs, x, **how).as_text(),
-    ]
-    if nonlinear:
-        sizes = np.zeros((2, len(CATALOGUE)))
-        scan = engine._scan_block.lower(batch, x, sizes, numbers, effects=CATALOGUE)
-        texts.append(scan.as_text())
-    for text in texts:
-        assert "while" in text
-        for library in ("lapack", "custom_call", "stablehlo.fft", "cholesky", "triangular_solve"):
-            assert library not in text
+@pytest.mark.parametrize("kind", [float, complex])
+def test_small_systems_are_solved_as_by_the_library(kind):
+    draw = np.random.default_rng(2)
+    A = draw.normal(size=(4, 4, 30)).astype(kind)
+    b = draw.normal(size=(4, 30)).astype(kind)
+    A[0, 0] = 0.0  # needs a pivot
+    if kind is complex:
+        A = A + 1j * draw.normal(size=A.shape)
+    x = jax.jit(solve_small)(jnp.asarray(A), jnp.asarray(b))
+    expected = np.linalg.solve(np.moveaxis(A, 2, 0), b.T[..., None])[..., 0].T
+    np.testing.assert_allclose(x, expected, rtol=1e-9, atol=1e-12)

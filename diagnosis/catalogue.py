@@ -1,4 +1,4 @@
-"""The catalogue: twenty-two effects that the surrogate of Puelz et al. 2024 leaves out.
+"""The catalogue: effects that the surrogate of Puelz et al. 2024 leaves out.
 
 Symbols as in `circuit`; s, a and d are 1 under stress, adenosine and dobutamine, φ is the size in
 the unit of the effect. The `source` of an effect cites its equation or its magnitude, and gives the

@@ -18,6 +18,9 @@ from study.case.table_reader import Context
 from study.case.template import RECORD_FILE
 from study.case.toml_file import read_document
 
+OLDER = "The record is written in an older spelling"
+"""How the remark begins that says how it is spelt now."""
+
 MEAN_SLIP = 0.15
 """Relative difference between a stated mean and that of the trace beyond which one is wrong."""
 
@@ -89,8 +92,8 @@ def _spelling(document: dict[str, Any]) -> tuple[str, ...]:
     if not old:
         return ()
     return (
-        "The record is written in an older spelling, which is still read. As in a case file, write "
-        f"{'; '.join(old)} (jaxfsi template --record shows it).",
+        f"{OLDER}, which is still read. As in a case file, write {'; '.join(old)} "
+        "(jaxfsi template --record shows it).",
     )
 
 

@@ -1,21 +1,19 @@
 """Arguments of the command line, with their help."""
 
 import argparse
-import importlib.util
-import math
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from diagnosis.richness import RICHNESS
 from study.case.parameters import MeshOptions, SolverOptions
 from study.case.schema import Quantity, Word, keys_of
+from study.cli.argument_values import alpha_range, count, formats, names, positive
 from study.cli.request import Request, ShowOptions, TemplateOptions
 from study.store.cache_folder import VARIABLE
 from study.store.numerics import installed
 from study.store.options import (
     KINDS,
-    AlphaRange,
     CohortOptions,
     DiagnoseOptions,
     Options,
@@ -23,7 +21,6 @@ from study.store.options import (
 )
 from study.store.result_files import MESH_FORMATS as FORMATS
 
-LARGEST_COUNT = 1_000_000
 _ON_RECORDS = ("diagnose", "plan-measurement")
 _ON_CASES = ("run", "calibrate", "sweep", "mesh", "simulate", "study")
 
@@ -302,28 +299,28 @@ def _mesh_arguments(command: argparse.ArgumentParser) -> None:
     _key_arguments(command, MeshOptions)
     command.add_argument(
         "--format",
-        type=_formats,
+        type=formats,
         default=("vtu",),
         metavar="NAMES",
         help=f"some of {','.join(FORMATS)}; folder is mesh-complete; default: vtu",
     )
 
 
-def _key_arguments(command: argparse.ArgumentParser, model: type, *names: str) -> None:
+def _key_arguments(command: argparse.ArgumentParser, model: type, *chosen: str) -> None:
     """Options that stand for keys of a case, as these declare them; by default all of a table."""
     for key in keys_of(model):
         flag = f"--{key.name.replace('_', '-')}"
-        if names and key.name not in names:
+        if chosen and key.name not in chosen:
             continue
         told = key.text if key.default is None else f"{key.text}; default: {key.default}"
         if isinstance(key, Word):
             command.add_argument(flag, choices=key.options, help=told)
         elif isinstance(key, Quantity) and key.whole:
-            read = _count(int(key.low), int(key.high))
+            read = count(int(key.low), int(key.high))
             help_ = f"{told}; {key.low:g} to {key.high:g}"
             command.add_argument(flag, type=read, metavar="N", help=help_)
         elif isinstance(key, Quantity):
-            read, unit = _positive(key.high), key.unit.upper() or "X"
+            read, unit = positive(key.high), key.unit.upper() or "X"
             command.add_argument(flag, type=read, metavar=unit, help=told)
 
 
@@ -334,11 +331,11 @@ def _simulation_arguments(command: argparse.ArgumentParser) -> None:
     _key_arguments(command, MeshOptions, "preset")
     _key_arguments(command, SolverOptions, "dt")
     command.add_argument(
-        "--cycles", type=_positive(1000.0), metavar="N", help="may be a part of one; default: 4"
+        "--cycles", type=positive(1000.0), metavar="N", help="may be a part of one; default: 4"
     )
     command.add_argument(
         "--alpha",
-        type=_positive(1e6),
+        type=positive(1e6),
         metavar="X",
         help="of the anomalous outlet; by default tuned",
     )
@@ -353,21 +350,21 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
     _key_arguments(command, MeshOptions, "preset")
     _key_arguments(command, SolverOptions, "dt")
     command.add_argument(
-        "--cycles", type=_count(1, 100), metavar="N", help="of each run; default: 1"
+        "--cycles", type=count(1, 100), metavar="N", help="of each run; default: 1"
     )
     command.add_argument(
         "--continued", action="store_true", help="stress goes on from the end of rest"
     )
     command.add_argument(
-        "--rules", type=_names, metavar="NAMES", help="stress rules, such as printed,all"
+        "--rules", type=names, metavar="NAMES", help="stress rules, such as printed,all"
     )
     command.add_argument(
-        "--conditions", type=_names, metavar="NAMES", help="under stress; default: all of the case"
+        "--conditions", type=names, metavar="NAMES", help="under stress; default: all of the case"
     )
     command.add_argument("--nominal", action="store_true", help="also run with alpha = 1")
     command.add_argument(
         "--sensitivities",
-        type=_names,
+        type=names,
         metavar="NAMES",
         help="conditions whose ratio in 3D is differentiated by parameters and lumen, such as "
         "dobutamine; with rest among them, also with alpha tuned again; five to ten runs each",
@@ -378,7 +375,7 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
         help="also run rest with the alpha of the linear surrogate; default: unless --quick",
     )
     command.add_argument(
-        "--ramp-rate", type=_positive(1e4), metavar="R", help="mmHg/s; default: 37.5, the paper's"
+        "--ramp-rate", type=positive(1e4), metavar="R", help="mmHg/s; default: 37.5, the paper's"
     )
     command.add_argument(
         "--quick",
@@ -395,61 +392,5 @@ def _cohort_arguments(command: argparse.ArgumentParser) -> None:
         "--mode", choices=("curve", "3d"), default="curve", help="0D or 3D; default: curve"
     )
     command.add_argument(
-        "--workers", type=_count(1, 1024), metavar="N", help="cases at a time; default: one a core"
+        "--workers", type=count(1, 1024), metavar="N", help="cases at a time; default: one a core"
     )
-
-
-def _names(text: str) -> tuple[str, ...]:
-    """`a,b` as names, each once."""
-    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-
-
-def _positive(high: float) -> Callable[[str], float]:
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
-        if not 0.0 < value <= high:
-            raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {high:g}")
-        return value
-
-    return read
-
-
-def _count(low: int, high: int) -> Callable[[str], int]:
-    def read(text: str) -> int:
-        if not text.isdecimal() or not low <= int(text) <= high:
-            raise argparse.ArgumentTypeError(f"{text!r} is no whole number of {low} to {high}")
-        return int(text)
-
-    return read
-
-
-def _formats(text: str) -> tuple[str, ...]:
-    """`vtu,msh` as names of formats, each once."""
-    names = tuple(dict.fromkeys(name.strip().lower() for name in text.split(",")))
-    unknown = [name for name in names if name not in FORMATS]
-    if unknown:
-        raise argparse.ArgumentTypeError(f"{unknown[0]!r} is none of {', '.join(FORMATS)}")
-    if "xdmf" in names and importlib.util.find_spec("h5py") is None:
-        raise argparse.ArgumentTypeError("xdmf needs h5py; try pip install 'jaxfsi[xdmf]', or vtu")
-    return names
-
-
-def alpha_range(text: str) -> AlphaRange:
-    """`FROM:TO:N` as N values in equal ratios."""
-    parts = text.split(":")
-    try:
-        if len(parts) != 3:
-            raise ValueError
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not FROM:TO:N; try 0.01:10:200") from None
-    if not (0.0 < low < high and math.isfinite(high)):
-        raise argparse.ArgumentTypeError(f"{text!r} must rise from above zero; try 0.01:10:200")
-    if not 2 <= count <= LARGEST_COUNT:
-        raise argparse.ArgumentTypeError(
-            f"{count} values cannot be swept; try 2 to {LARGEST_COUNT}"
-        )
-    return AlphaRange(low, high, count)

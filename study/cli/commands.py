@@ -17,7 +17,7 @@ from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
 from study.case.json_schema import schema_text
 from study.case.model import read_case, require
-from study.case.record import read_record, record_path
+from study.case.record import OLDER, read_record, record_path
 from study.case.template import (
     EXAMPLE_FILE,
     RECORD_FILE,
@@ -154,6 +154,9 @@ def _record(request: Request[RecordOptions]) -> tuple[Any, ...]:
     """The record, what it lacks, and the checked folder for its results."""
     given = request.options.record
     record, remarks = read_record(given, needs_data=request.command == "diagnose")
+    for remark in remarks:
+        if remark.startswith(OLDER):
+            note(remark)
     place = record_path(given).resolve().parent
     folder = place.parent / f"{place.name}-results" if request.out is None else request.out
     return record, remarks, check_folder(folder)

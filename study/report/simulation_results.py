@@ -10,14 +10,14 @@ import numpy as np
 from jaxfsi import Mesh, Region
 from jaxfsi.core.step.model import Model
 from jaxfsi.fields import read_series
-from jaxfsi.simulation import Record, ShearMeans, SolverChoice
+from jaxfsi.simulation import Record, ShearMeans
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
 from study.report.mesh_results import picture_text
 from study.run.cycles import cycle_means, is_opening
 from study.run.openings import is_segment
 from study.run.setup import Setup
-from study.run.simulation import Outcome
+from study.run.simulation import Outcome, solver_choice
 from study.store.document_rows import ratio_name
 from study.store.layouts import FORMAT
 from study.store.result_files import FIELD_FOLDER
@@ -129,7 +129,7 @@ def _solver(case: Case, setup: Setup, outcome: Outcome) -> dict[str, Any]:
         "largest_iterations": int(record.n_linear.max()) if n else None,
         "largest_residual": float(record.residual.max()) if n else None,
         "least_volume": float(record.least_volume.min()) if n else None,
-        "tolerance": case.solver.tolerance or SolverChoice().tolerance,
+        "tolerance": solver_choice(case.solver).tolerance,
         "change_limit": case.solver.change_limit,
     }
 

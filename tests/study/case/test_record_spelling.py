@@ -79,6 +79,38 @@ def test_both_spellings_give_the_identical_record(tmp_path):
     assert all(part in advice for part in ("[patient]", "[surrogate]", "[condition.NAME]"))
 
 
+def test_advice_on_an_older_spelling_goes_to_standard_error(command, tmp_path):
+    for name, text in (("old", OLD), ("new", NEW)):
+        write(tmp_path / name, text)
+        (tmp_path / f"{name}-taken").write_text("a file where the results would go")
+        outcome = command("plan-measurement", tmp_path / name, folder=tmp_path / f"{name}-taken")
+        assert outcome.status == 2
+        advised = [line for line in outcome.stderr.splitlines() if "older spelling" in line]
+        assert len(advised) == (name == "old")
+
+
+def test_traces_are_named_as_in_a_case_and_by_the_older_word(tmp_path):
+    read_ = {}
+    for word in ("waveform", "file"):
+        folder = tmp_path / word
+        text = NEW.replace("ffr = 0.91", f'ffr = 0.91\n{word} = "rest.csv"')
+        write(folder, example_traces(), "rest.csv")
+        read_[word], remarks = read(folder, text)
+        assert any("waveform, not file" in remark for remark in remarks) == (word == "file")
+        write(folder, "time_s\n0\n", "rest.csv")
+        (fault,) = refusal(read_record, folder / "record.toml")
+        assert fault.key == f"condition.rest.{word}"
+    one, other = (read_[word].conditions[0] for word in ("waveform", "file"))
+    assert {name: wave.tolist() for name, wave in one.beats.items()} == {
+        name: wave.tolist() for name, wave in other.beats.items()
+    }
+    both = NEW.replace("ffr = 0.91", 'waveform = "rest.csv"\nfile = "other.csv"')
+    for name in ("rest.csv", "other.csv"):
+        write(tmp_path / "both", example_traces(), name)
+    (fault,) = refusal(read_record, write(tmp_path / "both", both))
+    assert "contradicts waveform" in fault.problem
+
+
 @pytest.mark.parametrize(
     ("line", "sd_log"),
     [

@@ -10,7 +10,8 @@ import pytest
 
 import study.cli.commands
 from study import demo_case_path
-from study.cli.arguments import alpha_range, parse
+from study.cli.argument_values import alpha_range
+from study.cli.arguments import parse
 from study.store.layouts import FORMAT
 from study.store.stored_document import load_document
 

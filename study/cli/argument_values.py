@@ -1,0 +1,71 @@
+"""Values of the command line, read from their texts; what makes no sense is refused."""
+
+import argparse
+import importlib.util
+import math
+from collections.abc import Callable
+
+from study.store.options import AlphaRange
+from study.store.result_files import MESH_FORMATS as FORMATS
+
+LARGEST_COUNT = 1_000_000
+
+
+def names(text: str) -> tuple[str, ...]:
+    """`a,b` as names, each once."""
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+
+
+def positive(high: float) -> Callable[[str], float]:
+    """Reads a number above zero and at most `high`."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is no number") from None
+        if not 0.0 < value <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not above 0 and at most {high:g}")
+        return value
+
+    return read
+
+
+def count(low: int, high: int) -> Callable[[str], int]:
+    """Reads a whole number of a range."""
+
+    def read(text: str) -> int:
+        if not text.isdecimal() or not low <= int(text) <= high:
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number of {low} to {high}")
+        return int(text)
+
+    return read
+
+
+def formats(text: str) -> tuple[str, ...]:
+    """`vtu,msh` as names of formats, each once."""
+    names = tuple(dict.fromkeys(name.strip().lower() for name in text.split(",")))
+    unknown = [name for name in names if name not in FORMATS]
+    if unknown:
+        raise argparse.ArgumentTypeError(f"{unknown[0]!r} is none of {', '.join(FORMATS)}")
+    if "xdmf" in names and importlib.util.find_spec("h5py") is None:
+        raise argparse.ArgumentTypeError("xdmf needs h5py; try pip install 'jaxfsi[xdmf]', or vtu")
+    return names
+
+
+def alpha_range(text: str) -> AlphaRange:
+    """`FROM:TO:N` as N values in equal ratios."""
+    parts = text.split(":")
+    try:
+        if len(parts) != 3:
+            raise ValueError
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not FROM:TO:N; try 0.01:10:200") from None
+    if not (0.0 < low < high and math.isfinite(high)):
+        raise argparse.ArgumentTypeError(f"{text!r} must rise from above zero; try 0.01:10:200")
+    if not 2 <= count <= LARGEST_COUNT:
+        raise argparse.ArgumentTypeError(
+            f"{count} values cannot be swept; try 2 to {LARGEST_COUNT}"
+        )
+    return AlphaRange(low, high, count)

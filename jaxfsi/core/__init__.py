@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from jaxfsi.core.ports.block import BlockPort
     from jaxfsi.core.ports.flow import FlowPort
     from jaxfsi.core.ports.inertance import ResistanceInertancePort
+    from jaxfsi.core.ports.plug import PlugPort
     from jaxfsi.core.ports.port import AbstractPort, AbstractTractionPort, AbstractVelocityPort
     from jaxfsi.core.ports.pressure import PressurePort
     from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort

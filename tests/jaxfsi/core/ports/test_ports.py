@@ -12,6 +12,7 @@ from jaxfsi.core import (
     AbstractVelocity,
     BlockPort,
     FlowPort,
+    PlugPort,
     PressurePort,
     ResistanceInertancePort,
     VelocityPort,
@@ -47,6 +48,7 @@ class Paraboloid(AbstractVelocity):
 PORTS = {
     "pressure": PressurePort(Sinusoid(500.0, 300.0, 0.01)),
     "flow": FlowPort(Sinusoid(2.0, 1.0, 0.01)),
+    "plug": PlugPort(Sinusoid(3.0, 2.0, 0.01)),
     "velocity": VelocityPort(Paraboloid(5.0)),
     "block": BlockPort(RCR(R_proximal=200.0, C=1e-5, R_distal=2e3, P_ref=100.0)),
     "resistance and inertance": ResistanceInertancePort(R=200.0, L=5.0, P_ref=100.0),

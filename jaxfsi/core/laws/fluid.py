@@ -19,7 +19,7 @@ in u, a and p; τ is constant on an element and all integrals are exact.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -89,6 +89,35 @@ def shear_rate(
     return jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
 
 
+def viscous_rate_squared(mu: Any, rho_f: Any, square: Any) -> Any:
+    """Viscous part of s², 36 (μ/ρ)² G:G [1/s²], of JAX or NumPy arrays.
+
+    Args:
+        mu: viscosity [g/(cm·s)].
+        rho_f: density [g/cm³].
+        square: G:G [1/cm⁴].
+    """
+    return 36.0 * (mu / rho_f) ** 2 * square
+
+
+def stabilisation_parameters(
+    dt: Any, steady: Any, trace: Any, rho_f: Any, transient_continuity: bool, *, xp: Any = jnp
+) -> tuple[Any, Any]:
+    """τ_M [cm³·s/g] and τ_C [g/(cm·s)] of each element.
+
+    Args:
+        dt: length of the step [s].
+        steady: s² [1/s²].
+        trace: tr G [1/cm²].
+        rho_f: density [g/cm³].
+        transient_continuity: see `Blood`.
+        xp: ``jax.numpy``, or ``numpy`` for matrices that are made once.
+    """
+    rate = xp.sqrt(4.0 / dt**2 + steady)
+    spread = rate if transient_continuity else xp.sqrt(steady)
+    return 1.0 / (rho_f * rate), rho_f * spread / trace
+
+
 def frozen(
     dt: Parameter,
     u: Float[Array, "3 nodes"],
@@ -119,14 +148,14 @@ def frozen(
         shape,
     )
     mu = blood.viscosity(shear_rate(slope))
-    steady = added(mean[i] * metric[i][j] * mean[j] for i, j in pairs) + 36.0 * (
-        mu / blood.rho_f
-    ) ** 2 * added(metric[i][j] ** 2 for i, j in pairs)
+    square = added(metric[i][j] ** 2 for i, j in pairs)
+    steady = added(mean[i] * metric[i][j] * mean[j] for i, j in pairs)
+    steady = steady + viscous_rate_squared(mu, blood.rho_f, square)
     steady, mu = kept_in_derivatives((steady, mu), shape)
-    rate = jnp.sqrt(4.0 / dt**2 + steady)
-    tau_momentum = 1.0 / (blood.rho_f * rate)
-    spread = rate if blood.transient_continuity else jnp.sqrt(steady)
-    tau_continuity = blood.rho_f * spread / (metric[0][0] + metric[1][1] + metric[2][2])
+    trace = metric[0][0] + metric[1][1] + metric[2][2]
+    tau_momentum, tau_continuity = stabilisation_parameters(
+        dt, steady, trace, blood.rho_f, blood.transient_continuity
+    )
     tau_momentum, tau_continuity = kept_in_derivatives((tau_momentum, tau_continuity), shape)
     fine = []
     for i in range(3):
@@ -146,6 +175,8 @@ def fluid_residual(
     shape: Geometry,
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
     """Residual of momentum [dyn] and of continuity [cm³/s] at each node.
+
+    `verification.reference_residual` is the same as on the page; `solve.tangent` is the derivative.
 
     Args:
         u: velocity [cm/s].

@@ -191,9 +191,11 @@ def solve_step(
 
         def correct():
             goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
-            product, M = linearised(y, model, here, stepper)
-            inverse = partial(precondition, M)
-            dy, n = scaling.correction(product, inverse, r, goal, stepper.max_linear)
+            with jax.named_scope("tangent"):
+                product, M = linearised(y, model, here, stepper)
+            with jax.named_scope("linear_solve"):
+                inverse = partial(precondition, M)
+                dy, n = scaling.correction(product, inverse, r, goal, stepper.max_linear)
             return s.y - dy, n
 
         def stay():

@@ -23,6 +23,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
@@ -40,6 +41,7 @@ from jaxfsi.core.elements.assembly import (
 from jaxfsi.core.elements.linear import added
 from jaxfsi.core.elements.stencil import apply, columns_of, neighbours
 from jaxfsi.core.elements.wall import Weights
+from jaxfsi.core.laws.fluid import stabilisation_parameters, viscous_rate_squared
 from jaxfsi.core.solve.nested_factor import (
     NestedFactor,
     nested_factor,
@@ -66,7 +68,7 @@ class Preconditioner(eqx.Module):
         inverse_diagonal: of A at the blood's own nodes, 0 elsewhere; at rest until renewed.
         pressure: factor of S.
         pressure_nodes: nodes that carry a pressure.
-        neighbour: nodes of the columns of the following, see `Pattern`.
+        neighbour: nodes of the columns of the following, see `stencil.neighbours`.
         gradient: G of each direction, as stencils.
         gradient_transposed: the transpose of each.
         velocity_scale: A^(−1/2) of each velocity, by its diagonal.
@@ -131,7 +133,10 @@ def preconditioner(
 
 
 def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeometry) -> _Blocks:
-    """Blocks of the step with the blood at rest, three velocities a node in A_wall."""
+    """Blocks of the step with the blood at rest, three velocities a node in A_wall.
+
+    The equations are those of `laws.fluid` and `solve.tangent`.
+    """
     points = np.asarray(model.x).T
     n_nodes = len(points)
     fluid = np.asarray(model.fluid_tets).T
@@ -139,11 +144,11 @@ def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeomet
     rho = float(model.blood.rho_f)
     mu = np.asarray(model.blood.viscosity(jnp.ones(len(fluid))))
     metric = np.einsum("eai,eaj->eij", shape.grad[:, 1:], shape.grad[:, 1:])
-    steady = 36.0 * (mu / rho) ** 2 * np.sum(metric**2, axis=(1, 2))
-    rate = np.sqrt(4.0 / dt**2 + steady)
-    tau = 1.0 / (rho * rate)
-    spread = rate if model.blood.transient_continuity else np.sqrt(steady)
-    tau_continuity = rho * spread / np.trace(metric, axis1=1, axis2=2)
+    steady = viscous_rate_squared(mu, rho, np.sum(metric**2, axis=(1, 2)))
+    trace = np.trace(metric, axis1=1, axis2=2)
+    tau, tau_continuity = stabilisation_parameters(
+        dt, steady, trace, rho, model.blood.transient_continuity, xp=np
+    )
     fluid_moduli = (w_u * tau_continuity, w_u * mu)
     fluid_mass = w_a * rho * shape.volume
     diagonal = _diagonal(fluid, shape, fluid_mass, *fluid_moduli, n_nodes)
@@ -245,8 +250,10 @@ def precondition(
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
     """Apply the approximate inverse to residuals of momentum and continuity, in its precision."""
     dtype = M.inverse_diagonal.dtype
-    z_p = _pressure_solve(M, r_p.astype(dtype))
-    z_u = _velocity_solve(M, r_u.astype(dtype) - _weak_gradient(M, z_p))
+    with jax.named_scope("pressure_solve"):
+        z_p = _pressure_solve(M, r_p.astype(dtype))
+    with jax.named_scope("velocity_solve"):
+        z_u = _velocity_solve(M, r_u.astype(dtype) - _weak_gradient(M, z_p))
     return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)
 
 

@@ -1,4 +1,4 @@
-"""The linearised step: applied element by element, or as stencils assembled once a step.
+"""The linearised step, applied element by element.
 
 The rows of momentum are the same scalar operator for each component (inertia, convection and its
 stabilisation, viscosity), to which come what couples the components: the transposed part of the
@@ -10,21 +10,23 @@ acceleration and velocity in the step::
     G_ab = w_u (−∫ ∇N_a N_b + ρτ ∫ c*·∇N_a ∇N_b)
     D_ab = w_u ∫ N_a ∇N_b + ∫ τρ ∇N_a (w_a N_b + w_u c·∇N_b),   C_ab = w_u ∫ τ ∇N_a·∇N_b
 
-Newton's method also wants the derivative of what carries, w_u ρ (v·∇)u in place of w_u ρ c·∇v for a
-change v, with the gradient of u as it is: it couples the components. What c does in the weights of
-the stabilisation is left out, and so are those of τ and μ.
+The full Newton tangent adds w_u ρ (v·∇)u, the derivative of the advecting velocity along a change
+v; it couples the components. Derivatives of the stabilisation parameters, of the viscosity and of
+the advecting velocity in the weights of the stabilisation are neglected.
 
-Element by element the sixteen entries of A and what G, D and C are made of are kept; the wall
-enters with its own tangent. On the elastic tube of 60 000 elements, in a compiled loop on two
-cores, a product of the blood takes 1.0 ms so and one of the wall 1.1 ms; by stencils, with what
-couples the components by elements, that of the blood takes 2.3 ms.
+Element by element the sixteen entries of A and the factors of G, D and C are stored; the wall has
+its own tangent. On the elastic tube of 60 000 elements, in a compiled loop on two cores, a product
+of the blood takes 1.0 ms and one of the wall 1.1 ms.
+
+The same equations stand in `laws.fluid.fluid_residual`, in `solve.preconditioner._blocks` (at rest,
+as matrices) and in `verification.reference_residual` (as on the page): a term that is changed here
+is changed there, and ``test_one_equation.py`` compares them.
 """
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.assembly import MASS
@@ -38,7 +40,6 @@ from jaxfsi.core.elements.linear import (
     total,
     vector_corners,
 )
-from jaxfsi.core.elements.stencil import Pattern, Values, apply, assemble, pattern
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.fluid import velocity_gradient
 from jaxfsi.core.laws.interface import bowed_flux, bowed_load
@@ -221,63 +222,6 @@ def _carried_at(blood: BloodTangent, v: Sequence[Corners], i: int, a: int) -> Fl
     return added(blood.carried[i][j] * v[j][a] for j in range(3))
 
 
-class StepOperator(NamedTuple):
-    """The linearised step as stencils.
-
-    Attributes:
-        pattern: of the blood's elements.
-        A: momentum, the same for each component.
-        G: pressure in the momentum of each direction.
-        D: velocity of each direction in continuity.
-        C: pressure in continuity.
-    """
-
-    pattern: Pattern
-    A: Values
-    G: tuple[Values, Values, Values]
-    D: tuple[Values, Values, Values]
-    C: Values
-
-
-def fluid_pattern(model: Model) -> Pattern:
-    """Pattern of the blood's elements of a concrete model."""
-    return pattern(np.asarray(model.fluid_tets).T, model.n_nodes)
-
-
-def assemble_step(tangent: StepTangent, step: Step, fluid: Pattern) -> StepOperator:
-    """Assemble the blood's part of the linearised equations of a step."""
-    grad, blood = step.fluid_shape.grad, tangent.blood
-    G, D, C = ([], [], []), ([], [], []), []
-    for a in range(4):
-        for b in range(4):
-            C.append(blood.least * added(grad[j][a] * grad[j][b] for j in range(3)))
-            for i in range(3):
-                G[i].append(blood.upwind[a] * grad[i][b] - blood.mean * grad[i][a])
-                D[i].append(blood.mean * grad[i][b] + blood.strong[b] * grad[i][a])
-    a, g_x, g_y, g_z, d_x, d_y, d_z, c_p = assemble([blood.A, *G, *D, C], fluid)
-    return StepOperator(fluid, a, (g_x, g_y, g_z), (d_x, d_y, d_z), c_p)
-
-
-def apply_step(
-    operator: StepOperator,
-    tangent: StepTangent,
-    v: Unknowns,
-    model: Model,
-    step: Step,
-    method: GeneralizedAlpha,
-) -> Unknowns:
-    """The product of `apply_elements`, the blood's part by stencils."""
-    P = operator.pattern.neighbour
-    coupled, r_p = _coupling(tangent.blood, v.u, model, step)
-    rows = [
-        apply(operator.A, P, v.u[i]) + apply(operator.G[i], P, v.p) + coupled[i] for i in range(3)
-    ]
-    r_p = r_p + apply(operator.C, P, v.p)
-    for i in range(3):
-        r_p = r_p + apply(operator.D[i], P, v.u[i])
-    return _closed(tangent, v, jnp.stack(rows), r_p, model, step, method)
-
-
 def _closed(
     tangent: StepTangent,
     v: Unknowns,
@@ -299,32 +243,6 @@ def _closed(
         r_p = r_p + w_u * bowed_flux(v.u, step.x, model.bowed)
     r_u = r_u - _port_slope(v.u, model, step, method)
     return Unknowns(jnp.where(model.held, v.u, r_u), jnp.where(model.in_fluid, r_p, v.p))
-
-
-def _coupling(
-    blood: BloodTangent, u: Float[Array, "3 nodes"], model: Model, step: Step
-) -> tuple[list[Float[Array, " nodes"]], Float[Array, " nodes"]]:
-    """Terms between components: ∫ ∂_jN_a (μ ∂_i u_j + δ_ij τ_C ∇·u), and all of `carried`."""
-    tets, grad = model.fluid_tets, step.fluid_shape.grad
-    velocity = vector_corners(u, tets)
-    slope = [gradient(component, step.fluid_shape) for component in velocity]
-    spread = blood.spread * (slope[0][0] + slope[1][1] + slope[2][2])
-    carried = _carried(blood, velocity)
-    rows = []
-    for i in range(3):
-        stress = [blood.shear * slope[j][i] for j in range(3)]
-        stress[i] = stress[i] + spread
-        force = tuple(
-            added(grad[j][b] * stress[j] for j in range(3))
-            + blood.upwind[b] * carried[i]
-            + 0.2 * blood.mean * (4.0 * carried[i] + _carried_at(blood, velocity, i, b))
-            for b in range(4)
-        )
-        rows.append(scatter(force, tets, model.n_nodes))
-    continuity = tuple(
-        blood.least * added(grad[i][a] * carried[i] for i in range(3)) for a in range(4)
-    )
-    return rows, scatter(continuity, tets, model.n_nodes)
 
 
 def _port_slope(

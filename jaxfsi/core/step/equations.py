@@ -33,7 +33,7 @@ from jaxfsi.core.laws.interface import bowed_flux, bowed_load
 from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_displacement
 from jaxfsi.core.laws.solid import Wall, solid_residual
 from jaxfsi.core.laws.tissue import tissue_force
-from jaxfsi.core.ports.port import PortMotion
+from jaxfsi.core.ports.port import PortMotion, Traction
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
@@ -100,28 +100,17 @@ def begin_step(
 ) -> Step:
     """Extrapolate the geometry and linearise the ports."""
     guess = extrapolated(state.t + dt, model, state)
-    d_guess = 2.0 * state.d - state.d_before
-    d_mesh = state.d_mesh
-    if motion is not None:
-        moved = 0.0
-        for port, at_start, surface in zip(
-            model.ports, state.port_states, model.surfaces, strict=True
-        ):
-            moved = port.add_displacement(state.t, dt, moved, at_start, surface)
-        d_mesh = mesh_displacement(motion, jnp.where(model.in_solid, d_guess, moved))
-    elif model.is_dry:  # loads on the wall follow it
-        d_mesh = jnp.where(model.in_solid, d_guess, 0.0)
+    with jax.named_scope("mesh_motion"):
+        d_mesh = _moved_mesh(dt, model, state, motion)
     alpha = method.alpha_f
     x = model.x + (state.d_mesh + alpha * (d_mesh - state.d_mesh))
     fluid_shape = geometry(x, model.fluid_tets)
     fluid_shape = kept_apart(fluid_shape, fluid_shape)
     solid_shape = geometry(model.x, model.solid_tets)
     solid_shape = kept_in_derivatives(solid_shape, solid_shape)
-    P_offset, Z = [], []
-    for port, at_start, surface in zip(model.ports, state.port_states, model.surfaces, strict=True):
-        traction = port.linearise(state.t, dt, at_start, guess.u, x, surface, method)
-        P_offset.append(traction.P_offset)
-        Z.append(traction.Z)
+    with jax.named_scope("ports"):
+        tractions = _linearised_ports(dt, model, state, guess.u, x, method)
+        u_held = held_velocity(state.t + dt, model)
     return Step(
         dt,
         state,
@@ -130,10 +119,42 @@ def begin_step(
         fluid_shape,
         solid_shape,
         _coefficients(guess, dt, model, state, d_mesh, fluid_shape, method),
-        held_velocity(state.t + dt, model),
-        jnp.array(P_offset, float),
-        jnp.array(Z, float),
+        u_held,
+        jnp.array([traction.P_offset for traction in tractions], float),
+        jnp.array([traction.Z for traction in tractions], float),
     )
+
+
+def _moved_mesh(
+    dt: Parameter, model: Model, state: State, motion: MeshMotion | None
+) -> Float[Array, "3 nodes"]:
+    """Displacement of the mesh at the end of a step [cm]."""
+    d_guess = 2.0 * state.d - state.d_before
+    if motion is not None:
+        moved = 0.0
+        ports = zip(model.ports, state.port_states, model.surfaces, strict=True)
+        for port, at_start, surface in ports:
+            moved = port.add_displacement(state.t, dt, moved, at_start, surface)
+        return mesh_displacement(motion, jnp.where(model.in_solid, d_guess, moved))
+    if model.is_dry:  # loads on the wall follow it
+        return jnp.where(model.in_solid, d_guess, 0.0)
+    return state.d_mesh
+
+
+def _linearised_ports(
+    dt: Parameter,
+    model: Model,
+    state: State,
+    u: Float[Array, "3 nodes"],
+    x: Float[Array, "3 nodes"],
+    method: GeneralizedAlpha,
+) -> list[Traction]:
+    """Pressure of each port in a step, linearised at the extrapolated velocity."""
+    ports = zip(model.ports, state.port_states, model.surfaces, strict=True)
+    return [
+        port.linearise(state.t, dt, at_start, u, x, surface, method)
+        for port, at_start, surface in ports
+    ]
 
 
 def renewed(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> Step:
@@ -153,7 +174,8 @@ def _coefficients(
 ) -> Frozen:
     u, a, _, p = _between(y, dt, state, method)
     u_mesh = (d_mesh - state.d_mesh) / dt
-    found = frozen(dt, u, a, p, u_mesh, model.blood, model.fluid_tets, shape)
+    with jax.named_scope("stabilisation"):
+        found = frozen(dt, u, a, p, u_mesh, model.blood, model.fluid_tets, shape)
     return kept_apart(found, shape)
 
 
@@ -165,24 +187,28 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         lambda: midpoint(y, step, method),
         lambda: (y.u, step.state.a, step.state.d, y.p),
     )
-    r_u, r_p = fluid_residual(
-        u,
-        a,
-        p - model.P_ambient,
-        model.blood,
-        step.coefficients,
-        model.fluid_tets,
-        step.fluid_shape,
-    )
-    if model.wall is not None:
-        r_u = r_u + solid_residual(
-            u, a, d, model.wall, model.element, step.solid_shape, model.prestress
+    with jax.named_scope("blood"):
+        r_u, r_p = fluid_residual(
+            u,
+            a,
+            p - model.P_ambient,
+            model.blood,
+            step.coefficients,
+            model.fluid_tets,
+            step.fluid_shape,
         )
-        r_u = r_u + _support(u, d, model.wall, model)
+    if model.wall is not None:
+        with jax.named_scope("wall"):
+            r_u = r_u + solid_residual(
+                u, a, d, model.wall, model.element, step.solid_shape, model.prestress
+            )
+            r_u = r_u + _support(u, d, model.wall, model)
     if model.bowed is not None:
-        r_u = r_u - bowed_load(p - model.P_ambient, step.x, model.bowed)
-        r_p = r_p + bowed_flux(u, step.x, model.bowed)
-    r_u = r_u - _port_load(y, u, model, step)
+        with jax.named_scope("interface"):
+            r_u = r_u - bowed_load(p - model.P_ambient, step.x, model.bowed)
+            r_p = r_p + bowed_flux(u, step.x, model.bowed)
+    with jax.named_scope("ports"):
+        r_u = r_u - _port_load(y, u, model, step)
     return Unknowns(
         jnp.where(model.held, y.u - step.u_held, r_u),
         jnp.where(model.in_fluid, r_p, y.p),

@@ -94,7 +94,8 @@ def _solved(model: Model, state: State, stepper: Stepper) -> tuple[State, StepRe
     step = _begun(model, state, stepper)
     guess = extrapolated(state.t + stepper.dt, model, state)
     y, convergence = solve_step(guess, model, step, stepper)
-    new = _updated(y, model, step, stepper.method)
+    with jax.named_scope("update"):
+        new = _updated(y, model, step, stepper.method)
     least = jnp.ones(())
     if stepper.motion is not None:
         least = jnp.min(step.fluid_shape.volume / stepper.motion.volume)

@@ -1,4 +1,4 @@
-"""The curve of a ramp, and α corrected with a model that the surrogate does not know."""
+"""The curve of a ramp."""
 
 import equinox as eqx
 import jax
@@ -7,14 +7,10 @@ import pytest
 
 from calibration import (
     RampRecord,
-    calibrate_in_loop,
     fit_ramp,
     measured_slope,
-    next_alpha,
-    surrogate_ratio,
 )
-from calibration.in_loop import Trial
-from lumped import MMHG, Surrogate, condition_from_clinic
+from lumped import MMHG
 
 A, B, L = 300.0, 1000.0, 45.0
 
@@ -124,44 +120,3 @@ def test_faulty_ramps_are_refused():
     few = RampRecord(*(column[:5] for column in _columns()))
     with pytest.raises(ValueError, match="too few"):
         fit_ramp(few)
-
-
-REST = condition_from_clinic(110.0, 65.0, 0.8)
-SURROGATE = Surrogate(R0=300.0, K=1000.0)
-
-
-def _three_dimensional(alpha):
-    """A model with a larger and differently shaped loss than the surrogate's."""
-    return surrogate_ratio(Surrogate(R0=1500.0, K=1300.0), REST, alpha)
-
-
-def test_loop_meets_the_target_within_two_extra_runs():
-    start = 0.119  # of the surrogate itself
-    fit = calibrate_in_loop(_three_dimensional, [start], 0.91, SURROGATE, REST)
-    assert abs(_three_dimensional(start) - 0.91) > 0.01  # there is something to mend
-    assert fit.reached
-    assert fit.extra_runs <= 2
-    assert fit.ratio == pytest.approx(0.91, abs=0.002)
-    assert _three_dimensional(fit.alpha) == fit.ratio
-
-
-def test_loop_is_exact_where_the_surrogate_errs_by_a_factor():
-    """The linear surrogate with three times the resistance: one correction is the answer."""
-    linear = Surrogate(R0=5000.0)
-    run = lambda alpha: surrogate_ratio(Surrogate(R0=15000.0), REST, alpha)  # noqa: E731
-    alpha = next_alpha([Trial(0.1, run(0.1))], 0.9, linear, REST)
-    assert run(alpha) == pytest.approx(0.9, abs=1e-9)
-
-
-def test_loop_that_cannot_reach_says_so():
-    fit = calibrate_in_loop(lambda alpha: 0.8, [0.1], 0.9, SURROGATE, REST)
-    assert not fit.reached
-    assert fit.extra_runs == 2
-    with pytest.raises(ValueError, match="between 0 and 1"):
-        next_alpha([Trial(0.1, 1.2)], 0.9, SURROGATE, REST)
-    good = Trial(0.1, 0.85)
-    assert next_alpha([Trial(2.0, 1.01), good], 0.9, SURROGATE, REST) == next_alpha(
-        [good], 0.9, SURROGATE, REST
-    )
-    with pytest.raises(ValueError, match="at least one"):
-        calibrate_in_loop(lambda alpha: 0.8, [], 0.9, SURROGATE, REST)

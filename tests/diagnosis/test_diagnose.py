@@ -2,16 +2,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from diagnosis import CATALOGUE, diagnose, find_effect, measured, noise_of, stacked
+from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
 from diagnosis.cohort import pool
-from diagnosis.evidence import Whitened, log_moment, posterior, smooth_scale
-from diagnosis.forcing import (
-    AMPLITUDES,
-    CONDITION_CORRELATIONS,
-    FORCING_HARMONICS,
-    LENGTHS,
-    forcing_mixture,
-)
+from diagnosis.evidence import Whitened, log_moment, posterior
 from diagnosis.hypothesis import form_uncertainty, numbers_of
 from diagnosis.next_measurement import aliases, isolability, next_measurements
 from diagnosis.scan import linearise, score_scan
@@ -127,29 +120,6 @@ def test_score_scan_agrees_with_the_exact_linear_evidence(found):
         assert float(given) == pytest.approx(float(exact), rel=1e-6, abs=1e-6)
 
 
-@pytest.mark.parametrize("mean", [-12.0, -3.0, -0.2, 0.0, 2.5])
-def test_moment_of_a_one_sided_size_matches_quadrature(mean):
-    x = np.linspace(0.0, 12.0, 400_001)
-    density = np.exp(-0.5 * (x - mean) ** 2 + 0.5 * min(mean, 0.0) ** 2)
-    exact = np.log(np.sum(x**2 * density) / np.sum(density))
-    found = log_moment(jnp.array([mean] * 2), jnp.ones(2), jnp.array([1.0, 0.0]))
-    # step of the quadrature; far below zero the leading term of the series
-    assert float(found[0]) == pytest.approx(exact, abs=0.1 if mean < -6.0 else 1e-4)
-    assert float(found[1]) == pytest.approx(np.log(mean**2 + 1.0), rel=1e-12, abs=1e-12)
-
-
-def test_evidence_with_columns_matches_the_dense_gaussian():
-    rng = np.random.default_rng(3)
-    e, J, F = rng.normal(size=(2, 7)), rng.normal(size=(2, 7, 3)), rng.normal(size=(2, 7, 2))
-    C = np.eye(14) + J.reshape(14, 3) @ J.reshape(14, 3).T
-    for c in range(2):
-        C[7 * c : 7 * c + 7, 7 * c : 7 * c + 7] += F[c] @ F[c].T
-    flat = e.reshape(14)
-    exact = -0.5 * flat @ np.linalg.solve(C, flat) - 0.5 * np.linalg.slogdet(C)[1]
-    found = posterior(Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.asarray(F)).log_evidence
-    assert float(found) == pytest.approx(exact, rel=1e-12)
-
-
 @pytest.mark.slow
 def test_only_a_guessed_form_is_tolerated(found):
     """An effect whose form is exact keeps it when an effect with a guessed form joins."""
@@ -168,48 +138,12 @@ def test_only_a_guessed_form_is_tolerated(found):
 
 
 @pytest.mark.slow
-def test_a_forcing_beside_a_cause_matches_the_dense_gaussian(found):
-    """Shared and own parts of a forcing are absorbed one after the other."""
-    rng = np.random.default_rng(5)
-    C, d, k = 3, 60, 4
-    e, J = rng.normal(size=(C, d)), rng.normal(size=(C, d, k))
-    m = 2 * FORCING_HARMONICS + 1
-    F, form = 0.3 / MMHG * rng.normal(size=(C, d, m)), 0.3 * rng.normal(size=(C, d, 5))
-    pair, sided = jnp.array([-1, -1]), jnp.zeros(k)
-    a, b, c, y = (jnp.asarray(v) for v in (form, F, J, e))
-    log_Z, _ = forcing_mixture(a, b, c, y, pair, sided)
-    n = 0
-    for s in CONDITION_CORRELATIONS:
-        for length in LENGTHS:
-            for amplitude in AMPLITUDES:
-                scaled = F * amplitude * smooth_scale(length, FORCING_HARMONICS)
-                cov = np.eye(C * d) + J.reshape(C * d, k) @ J.reshape(C * d, k).T
-                for a in range(C):
-                    for b in range(C):
-                        part = (s + (1.0 - s) * (a == b)) * scaled[a] @ scaled[b].T
-                        part += (a == b) * form[a] @ form[b].T
-                        cov[a * d : a * d + d, b * d : b * d + d] += part
-                flat = e.reshape(-1)
-                exact = -0.5 * flat @ np.linalg.solve(cov, flat) - 0.5 * np.linalg.slogdet(cov)[1]
-                assert float(log_Z[n]) == pytest.approx(exact, rel=1e-9)
-                n += 1
-
-
-@pytest.mark.slow
 def test_pooled_patients_say_more_than_one(found):
     pooled = pool([found[0]] * 3)
     assert pooled.patients == 3
     assert pooled.named == ("vasodilation",)
     with pytest.raises(ValueError, match="at least one diagnosis"):
         pool([])
-
-
-def test_noise_is_estimated_from_the_scatter_of_beats():
-    noise = noise_of(synthetic({}, beats=12, sd=0.5))
-    assert noise.origin == "estimated"
-    # the beats' own means count as offset and take 4 % of the sd with them
-    assert noise.pressure_sd == pytest.approx(0.5 * MMHG, rel=0.1)
-    assert 0.4 < noise.white_share < 0.65
 
 
 @pytest.mark.slow

@@ -190,7 +190,7 @@ def _calibrate(
 ) -> AlphaFit:
     in_order, reachable = answerable(surrogate, condition, target)
     usable = in_order & reachable
-    # a question with an answer spares the solver a search without end, and its adjoint NaN
+    # a solvable problem spares the solver an endless search, and its adjoint NaN
     patient, state = _usual_unless(usable, surrogate, condition)
     goal = jnp.where(usable, target, 0.9)
     network = patient.network(state)
@@ -208,7 +208,7 @@ def _calibrate(
 def _usual_unless(
     usable: Array, surrogate: Surrogate, condition: Condition
 ) -> tuple[Surrogate, Condition]:
-    """The patient at α = 1, with usual numbers in place of ones without an answer."""
+    """The patient at α = 1, with nominal numbers where the input has no solution."""
 
     def chosen(value: Parameter, number: float) -> Array:
         return jnp.where(usable, value, number)

@@ -126,8 +126,8 @@ def bisect_alpha(
 
     low, high = jnp.log(jnp.asarray(bracket[0], float)), jnp.log(jnp.asarray(bracket[1], float))
     args = (surrogate, condition, jnp.asarray(target, float))
-    # FFR rises with α: told so, optimistix bisects without raising inside jit, and a bracket
-    # without root ends at one of its ends, which the ratio reached gives away
+    # FFR rises with α: given this, optimistix bisects without raising inside jit; a bracket without
+    # a root ends at one of its ends, which the reached ratio shows
     bisection = optx.Bisection(rtol=tolerance, atol=tolerance, flip=False)
     options = {"lower": low, "upper": high}
     solution = optx.root_find(

@@ -41,7 +41,7 @@ HESSIAN_RANK = 1e-10
 """Eigenvalues of the Hessian below this share of the largest count as zero in derivatives."""
 
 CHUNK = 50
-"""Fits advanced together; more were slower on a CPU, whose caches they leave."""
+"""Fits advanced together; more exceed the caches of a CPU and are slower."""
 
 CURE = (
     "Look at `identifiability`: give a prior to what the data do not determine, or hold it. Else "

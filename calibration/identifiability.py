@@ -28,7 +28,7 @@ PRESENT = 1e-6
 
 
 class Identifiability(eqx.Module):
-    """What data with a given whitened Jacobian determine.
+    """Parameters that data with a given whitened Jacobian determine.
 
     The arrays carry no derivatives: a singular value decomposition has none where two singular
     values meet. Differentiate the Jacobian itself instead.
@@ -170,7 +170,7 @@ def identifiability(
     *,
     logarithmic: Sequence[bool] | None = None,
 ) -> Identifiability:
-    """Say what data with this Jacobian determine.
+    """Analyse which parameters data with this Jacobian determine.
 
     Args:
         jacobian: ∂(residual in units of sd)/∂(scaled variable), shape (m, n).

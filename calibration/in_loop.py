@@ -1,7 +1,7 @@
 """α with the 3D model in the loop: the resting ratio of the 3D run itself meets the measured one.
 
-A run in 3D is dear, its surrogate is not. With r the ratio and S(α) = 1/r of the surrogate, 1/r of
-the 3D model is taken to be an affine function of S::
+A 3D run is expensive, its surrogate is cheap. With r the ratio and S(α) = 1/r of the surrogate, 1/r
+of the 3D model is taken to be an affine function of S::
 
     one run, at α₀:           1/r = 1 + κ (S(α) − 1),    κ = (1/r₀ − 1)/(S(α₀) − 1)
     two runs or more:         the line through the two whose ratios lie nearest to the target
@@ -12,8 +12,8 @@ linear surrogate, so that the line is then the secant in 1/α ↦ 1/r; for the q
 the curvature. α is the surrogate's own calibration to the value of S at which the line meets the
 target.
 
-Puelz et al. 2024 stop after the surrogate (algorithm 1), and their resting ratios miss the measured
-ones by what it errs.
+Puelz et al. 2024 stop after the surrogate (algorithm 1): their resting ratios differ from the
+measured ones by the error of the surrogate.
 """
 
 import math
@@ -27,7 +27,7 @@ from calibration.alpha import calibrate_alpha
 from lumped import Condition, Propagator, Shooting, Surrogate, pressure_ratio, solve_periodic
 
 RATIO_TOLERANCE = 0.002
-"""Of a resting ratio in 3D: a fifth of the error of a good measurement."""
+"""Tolerance of the resting ratio of the 3D run: a fifth of the error of a good measurement [-]."""
 
 MOST_EXTRA_RUNS = 2
 
@@ -84,7 +84,7 @@ def next_alpha(
     """Scale factor to try next.
 
     Args:
-        trials: runs so far; those whose ratio is not between 0 and 1 say nothing.
+        trials: runs so far; those whose ratio is not between 0 and 1 are ignored.
         target: measured resting ratio [-].
         surrogate: R0, and K where the curve is known; its own alpha is not used.
         condition: the resting condition.
@@ -125,7 +125,7 @@ def calibrate_in_loop(
 
     Args:
         run: gives the resting ratio in 3D with a scale factor.
-        starts: scale factors of the first runs: those of the surrogates, the least trusted first.
+        starts: scale factors of the first runs, from surrogates in ascending order of trust.
         target: measured resting ratio [-].
         surrogate: R0, and K where the curve is known.
         condition: the resting condition.

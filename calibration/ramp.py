@@ -10,18 +10,19 @@ L is the inertance of the blood: the flow of a ramp grows, and a quick ramp woul
 as resistance. p is the transmural pressure of the artery; in one ramp it is a function of the drop
 and cannot be told from the curve, in ramps of the aortic and of the distal pressure it can.
 
-It is fitted in its weak form, ∫φ ΔP dt = a ∫φ Q dt + b ∫φ Q|Q| dt − L ∫φ' Q dt with hat functions φ
-of time. Some milliseconds in which a thin wall flutters have slopes dQ/dt ten times those of the
-ramp: sample by sample they alone decided L (2 in place of 37 dyn·s²/cm⁵), and with it a.
+The law is fitted in its weak form, ∫φ ΔP dt = a ∫φ Q dt + b ∫φ Q|Q| dt − L ∫φ' Q dt with hat
+functions φ of time. While a thin wall flutters for some milliseconds, dQ/dt is ten times that of
+the ramp; in a fit sample by sample this alone determines L (2 in place of 37 dyn·s²/cm⁵) and with
+it a.
 
 | resistance | |
 |---|---|
 | tangent at 40 mmHg | dΔP/dQ = √(a² + 4 b ΔP): the R0 of the paper |
-| secant at a drop | ΔP/Q: what a linear surrogate must have to be right at that drop |
+| secant at a drop | ΔP/Q: makes a linear surrogate exact at that drop |
 | curve | a and b: the surrogate of law ``quadratic`` |
 
-Errors: the residuals of neighbours are alike; with their correlation ρ at lag one, n of them count
-as n (1 − ρ)/(1 + ρ).
+Errors: neighbouring residuals are correlated; with the correlation ρ at lag one, the effective
+number of n residuals is n (1 − ρ)/(1 + ρ).
 
 Source: the ramp and R0 are those of Puelz et al. 2024, section 2.4; the curve is ours.
 """
@@ -40,10 +41,10 @@ from lumped.parameters import Parameter, nan_unless, real
 from lumped.results import as_result, is_successful
 
 PAPER_DROP = 40.0 * MMHG
-"""Pressure drop at which the paper takes the slope [dyn/cm²]."""
+"""Pressure drop at which Puelz et al. 2024 take the slope [dyn/cm²]."""
 
 SETTLING = 0.15
-"""Share of a ramp, at its start, that is left out: the artery is not yet filled at its rate."""
+"""Share of a ramp that is excluded at its start, while the artery is still filling."""
 
 HATS = 24
 """Hat functions of a ramp; more or fewer move R0 of calm ramps by 0.2 %."""
@@ -57,7 +58,7 @@ RAMP_CURE = (
 
 
 class RampRecord(eqx.Module):
-    """What a ramp gave, at equal or unequal steps.
+    """Recorded ramp, at equal or unequal steps.
 
     Attributes:
         t: time [s], ascending.
@@ -216,7 +217,7 @@ def measured_slope(
 ) -> float | None:
     """Slope dΔP/dQ of the record itself at a drop, by a parabola through its surroundings.
 
-    As the paper takes it: no law, no inertance. None where the ramp does not reach the drop, is
+    As in Puelz et al. 2024: no law, no inertance. None where the ramp does not reach the drop, is
     not finite, or where the flow does not grow with the drop.
 
     Args:

@@ -6,8 +6,8 @@ The pressure drop from the aorta to the distal end of the lumen is, for a flow Q
          viscous        contraction  development      expansion              velocity head
 
 A_u, A_o, A_n, A_d: areas upstream (the aorta), of the ostium, of the narrowest cross-section and of
-the distal end. Pressures are static, as a catheter measures them: the head that the blood still
-carries distally belongs to the drop, the one that it brings along does not.
+the distal end. Pressures are static, as a catheter measures them: the velocity head at
+the distal end is part of the drop, that at the inlet is not.
 
 Viscous part. Fully developed flow, a = ∫ μ/G ds, with the conductance of a cross-section
 
@@ -80,7 +80,7 @@ class PressureFlowLaw(eqx.Module):
 
     Both coefficients are differentiated. They are not negative and not both zero, but for a small
     negative b where a lumen widens. The methods take one law; a batch of laws goes through
-    `jax.vmap`. What a traced law that is none gives is NaN.
+    `jax.vmap`. Traced coefficients outside their range give NaN.
 
     Attributes:
         a: resistance at zero flow [dyn·s/cm⁵].

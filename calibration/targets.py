@@ -67,7 +67,7 @@ class Target(eqx.Module):
             )
 
     def predicted(self, solution: PeriodicSolution) -> Array:
-        """What the periodic state says in place of the measured values."""
+        """The values predicted by the periodic state."""
         return QUANTITIES[self.kind](solution, self.place, self.t)
 
     def __call__(self, solution: PeriodicSolution) -> Float[Array, " k"]:

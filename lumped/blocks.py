@@ -282,6 +282,9 @@ class Coronary(AbstractElement):
 
     Internal states: P_a, y [dyn/cm²].
 
+    Twins: `lumped.extended_coronary.ExtendedCoronary` and `diagnosis.circuit.solve` repeat these
+    equations; `tests/lumped/test_views.py` and `tests/diagnosis/test_circuit.py` compare them.
+
     Source: Mantero et al. 1992 (J Biomech Eng 114:109); Kim et al. 2010 (Ann Biomed Eng 38:3195);
     Puelz et al. 2024.
 

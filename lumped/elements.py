@@ -1,4 +1,4 @@
-"""What every element of a 0D network is: a small differential-algebraic system with ports.
+"""Interface of the elements of a 0D network: small differential-algebraic systems with ports.
 
 An element with states x, port pressures P and port flows Q (positive *into* the element) obeys
 

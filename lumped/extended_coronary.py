@@ -1,4 +1,4 @@
-"""The coronary bed with what its five elements leave out: other ways, and a viscous wall."""
+"""Five-element coronary bed extended by collateral and bypass flow and a viscoelastic wall."""
 
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ Port = Float[Array, " 1"]
 
 
 class ExtendedCoronary(AbstractElement):
-    """A five-element coronary bed with flow from and to elsewhere and, if wanted, a viscous wall.
+    """Five-element coronary bed with collateral and bypass flow and an optional viscoelastic wall.
 
     Circuit: port ── R_1 ──┬── R_2 ──┬── R_3 ── P_venous
                            │        C_im
@@ -22,7 +22,8 @@ class ExtendedCoronary(AbstractElement):
                           C_a (wall_time)
                            ⏚
 
-    Equations (y = P̃ − P_im; w: volume of C_a over C_a; P_b: what its late part has yielded to):
+    Equations (y = P̃ − P_im; w: volume of C_a over C_a; P_b: pressure
+    of its delayed part):
 
         C_a  dw/dt = Q + G (P_source − P_a) − G_p (P_a − P_venous) − (P_a − P̃)/R_2
         C_im dy/dt = (P_a − P̃)/R_2 − (P̃ − P_venous)/R_3
@@ -32,10 +33,13 @@ class ExtendedCoronary(AbstractElement):
     In harmonics the wall is iωC_a (e + (1 − e)/(1 + iω wall_time)), a standard linear solid.
     Without `wall_time` P_a = w, and with G = G_p = 0 as well this is `Coronary`.
 
+    Twins: `lumped.blocks.Coronary` without the extensions, and `diagnosis.circuit.solve` in the
+    frequency domain. `tests/diagnosis/test_boundary.py` compares it with the latter.
+
     Internal states: w, y [dyn/cm²], and P_b [dyn/cm²] where `wall_time` is given.
 
     Source: as `Coronary`; the wall as Alastruey et al. 2011 (J Biomech 44:2250), here with a share
-    that yields at once.
+    that responds at once.
 
     Attributes:
         R_1, R_2, R_3: arterial, microvascular and venous resistance [dyn·s/cm⁵].
@@ -45,9 +49,9 @@ class ExtendedCoronary(AbstractElement):
         P_source: pressure where collaterals begin [dyn/cm²] as a function of time.
         P_venous: pressure behind R_3 [dyn/cm²].
         G_collateral: conductance of the collaterals [cm⁵/(dyn·s)].
-        G_bypass: conductance G_p of vessels that no muscle squeezes [cm⁵/(dyn·s)]; below zero it
-            takes back what R_2 and R_3 let through.
-        elastic_share: share e of C_a that yields at once [-].
+        G_bypass: conductance G_p of vessels outside the muscle [cm⁵/(dyn·s)]; a negative value
+            reduces the flow through R_2 and R_3.
+        elastic_share: share e of C_a that responds at once [-].
         wall_time: relaxation time of the rest [s], or None.
     """
 
@@ -96,7 +100,7 @@ class ExtendedCoronary(AbstractElement):
         return (x[0] - (1.0 - self.elastic_share) * x[2]) / self.elastic_share
 
     def rate(self, t: Parameter, x: Float[Array, " n"], P: Port, Q: Port) -> Float[Array, " n"]:
-        """Net flow into each capacitance; what the late part of the wall still has to yield."""
+        """Net flow into each capacitance; pressure across the delayed part of the wall."""
         P_a, P_tilde = self._arterial(x), x[1] + self.P_im(t)
         through = (P_a - P_tilde) / self.R_2
         arriving = Q[0] + self.G_collateral * (self.P_source(t) - P_a)

@@ -2,7 +2,7 @@
 
 An ``__init__`` lists its names as imports below ``if TYPE_CHECKING:`` and hands over to
 `import_on_first_use`, which reads them there. A command that refuses its input then imports
-neither JAX nor what draws and meshes.
+neither JAX nor the libraries for drawing and meshing.
 """
 
 import ast
@@ -14,13 +14,13 @@ from typing import Any
 
 
 class LazyPackage(types.ModuleType):
-    """A package that finds its public names where they are defined, when they are asked for."""
+    """A package that imports each public name from its module on first access."""
 
     public_names: dict[str, tuple[str, str]]
     """Module and name there of each public name."""
 
     def __getattr__(self, name: str) -> Any:
-        """A public name, asked for for the first time."""
+        """Import a public name on first access."""
         if name.startswith("__") or name not in self.public_names:
             raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
         module, own = self.public_names[name]

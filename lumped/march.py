@@ -32,13 +32,13 @@ NEWTON_ITERATIONS = 20
 """Newton iterations allowed; the size of the last correction is reported."""
 
 NEWTON_TOLERANCE = 1e-12
-"""Correction, relative to the largest unknown, at which a system counts as solved."""
+"""Correction, relative to the largest unknown, at which Newton's method stops."""
 
 TINY = 1e-300
 EPS = float(np.finfo(float).eps)
 
 GRADING = 0.8
-"""How strongly steps shrink towards breakpoints: 0 equal steps, 1 nearly none at the ends."""
+"""Grading of steps towards breakpoints: 0 for equal steps, up to 1."""
 
 
 class Scheme(NamedTuple):
@@ -74,7 +74,7 @@ SCHEMES = {2 * stages - 1: _radau(stages) for stages in (1, 2, 3)}
 
 
 class Step(NamedTuple):
-    """What one step gives.
+    """Result of one step.
 
     Attributes:
         z: all unknowns at the end of the step.
@@ -156,7 +156,7 @@ def newton(correction: Callable[[Array], Array], start: Array) -> tuple[Array, F
 def _stage_matrix(
     slope: Float[Array, "s m m"], coupling: Float[Array, "s s n"]
 ) -> Float[Array, "sm sm"]:
-    """Jacobian of all stage equations: the network's own of each stage, less the inertia."""
+    """Jacobian of all stage equations: that of the network at each stage, minus the mass term."""
     stages, m, _ = slope.shape
     n = coupling.shape[2]
     k, i, j = jnp.arange(n), jnp.arange(stages)[:, None, None], jnp.arange(stages)[None, :, None]
@@ -179,7 +179,7 @@ class Trajectory(NamedTuple):
         t: times [s], shape (k + 1,).
         z: all unknowns at these times, shape (k + 1, n_unknowns).
         integral: ∫ z dt over the march, shape (n_unknowns,).
-        defect: largest Newton defect met [-].
+        defect: largest Newton defect [-].
     """
 
     t: Float[Array, " k1"]

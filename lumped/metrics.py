@@ -1,4 +1,4 @@
-"""Numbers read off a periodic state: pressure ratios and flows.
+"""Clinical metrics of a periodic state: pressure ratios and flows.
 
 Both FFR and the resting ratio are ratios of cycle means; they differ only in the condition. iFR is
 the ratio of means over the wave-free period of diastole.
@@ -87,7 +87,7 @@ def _valve_closure(solution: PeriodicSolution, t_valve: Parameter | None) -> Arr
 
 
 def _quotient(above: Array, below: Array) -> Array:
-    """The quotient by a positive number; NaN by another."""
+    """Quotient; NaN unless the divisor is positive."""
     return above / jnp.where(below > 0.0, below, jnp.nan)
 
 
@@ -115,7 +115,7 @@ def _integral(t: Array, v: Array, volume: Array, at: Parameter) -> Array:
 
 
 class Metrics(NamedTuple):
-    """The numbers a clinician reads.
+    """Clinical metrics of a periodic state.
 
     Attributes:
         ratio: mean distal over mean aortic pressure (FFR under stress, resting Pd/Pa at rest) [-].

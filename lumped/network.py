@@ -6,7 +6,7 @@ Unknowns z = (states x of all elements, pressure of every node, flow of every po
     0   = g(t, z)                    one row a port: closures of the elements
     0   = Σ Q over the ports of a node    one row a node: conservation of volume
 
-The assembler never asks which element it holds.
+The assembly is independent of the kinds of the elements.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""How blocks and waveforms hold their physical numbers: as array leaves, checked when concrete."""
+"""Physical parameters of blocks and waveforms: array leaves, checked when concrete."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ def real(value: Any) -> Array:
 
 
 def is_traced(*values: Any) -> bool:
-    """Whether any value is being traced by JAX, so that it cannot be looked at."""
+    """Whether any value is traced by JAX, so that it has no concrete number."""
     return any(isinstance(value, Tracer) for value in values)
 
 
@@ -37,7 +37,7 @@ def optional_parameter() -> Any:
 
 
 class Range(NamedTuple):
-    """Where the parameters of a class lie, by the names of its fields.
+    """Allowed ranges of the parameters of a class, by the names of its fields.
 
     Attributes:
         above: finite and positive.
@@ -62,7 +62,7 @@ _DEMANDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
 def check_range(owner: Any) -> None:
     """Refuse parameters of a module outside the `ranges` of its class.
 
-    Traced values cannot be looked at and pass; see `in_range` for those.
+    Traced values pass unchecked; use `in_range` for those.
 
     Raises:
         ValueError: a concrete parameter lies outside its range.

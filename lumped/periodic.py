@@ -1,4 +1,4 @@
-"""The periodic state of a network: one vocabulary for all ways to find it.
+"""The periodic state of a network: one interface to all solvers.
 
 `solve_periodic(network, period, solver)` returns a `PeriodicSolution`. Solvers:
 
@@ -31,7 +31,7 @@ from lumped.results import raise_unless_successful
 from lumped.statespace import NOT_INDEX_ONE, is_index_one
 
 PERIOD_TOLERANCE = 1e-6
-"""Relative difference between periods that counts as none: single-precision input passes."""
+"""Relative tolerance of periods, which admits input in single precision."""
 
 
 def solve_periodic(
@@ -87,7 +87,7 @@ def require_period(network: Network, period: Parameter) -> None:
     itself, because breakpoints are marked once a cycle.
 
     Raises:
-        ValueError: as said; not checked while tracing.
+        ValueError: the period or a source is refused; not checked while tracing.
     """
     if not is_traced(period) and not np.all(np.isfinite(period) & (np.asarray(period) > 0.0)):
         raise ValueError(f"The period {period} s must be positive. Give the cycle length in s.")

@@ -28,7 +28,7 @@ SMALL = 6
 
 
 SQUARINGS = 48
-"""Squarings a matrix exponential may take: time constants 10¹⁵ times shorter than the step."""
+"""Most squarings of a matrix exponential: time constants down to 10⁻¹⁵ of the step."""
 
 
 class Fourier(AbstractPeriodicSolver):
@@ -52,7 +52,7 @@ class Fourier(AbstractPeriodicSolver):
 
     @property
     def needs_index_one(self) -> bool:
-        """Where the algebraic unknowns are eliminated first."""
+        """Whether the algebraic unknowns are eliminated first."""
         return self.reduce
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
@@ -122,7 +122,7 @@ def _reduced_harmonics(system: StateSpace, omega: Float[Array, " f"], v_hat: Arr
 
 
 def _algebraic_rows(system: StateSpace, x: list[Array], v: Array) -> list[Array]:
-    """W = C x + D h, row by row: rows nobody reads are removed by the compiler."""
+    """W = C x + D h, row by row: unused rows are removed by the compiler."""
     a, k = system.D.shape
     return [
         sum((system.C[i, j] * x[j] for j in range(len(x))), jnp.zeros(v.shape[0]))
@@ -222,9 +222,9 @@ class Propagator(AbstractPeriodicSolver):
 
 
 def _checked(network: Network, period: Parameter, *parts: Array) -> tuple[RESULTS, Array]:
-    """The result of a direct solution, and a factor for it: NaN where it is none.
+    """Result code of a direct solution, and a factor for it: NaN if it failed.
 
-    The factor is put where few numbers decide the others, so that rows nobody reads stay unread.
+    The factor multiplies the few numbers that decide the others: unused rows stay unused.
     """
     result = checked_result(network, period, finite_or_singular(*parts))
     return result, nan_unless(is_successful(result))

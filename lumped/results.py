@@ -1,7 +1,7 @@
-"""Why a search has no answer: result codes that travel through jit and vmap, and their words.
+"""Result codes that pass through jit and vmap, and their messages.
 
-The codes are those of optimistix and some of our own. A code comes with NaN in place of numbers,
-so that a failure that nobody looks at is not taken for an answer.
+The codes are those of optimistix and three more. Failed results hold NaN, so that an unchecked
+failure is not mistaken for an answer.
 """
 
 from typing import Any
@@ -69,7 +69,7 @@ _WORDS = {
     "nonfinite_input": "numbers that are not finite came up.",
     "singular": "the equations have no unique solution.",
 }
-"""What to say for codes of optimistix."""
+"""Messages for the codes of optimistix."""
 
 
 def is_successful(result: Any) -> Any:
@@ -86,7 +86,7 @@ def causes(result: Any) -> list[str]:
 
 
 def raise_unless_successful(result: Any, cure: str) -> None:
-    """Raise when a concrete result is a failure; inside jit the caller must look at it.
+    """Raise when a concrete result is a failure; inside jit the caller must check it.
 
     Args:
         result: what the solver returned, one or a batch.

@@ -95,7 +95,7 @@ def is_index_one(network: Network) -> bool:
 
 def _is_regular(G_w: np.ndarray) -> bool:
     if not np.all(np.isfinite(G_w)):
-        return True  # a parameter that is not finite is told by its range, not by the rank
+        return True  # parameters that are not finite are reported by their ranges
     # rows and columns carry pressures or flows: equilibrate before judging the rank
     scaled = G_w / np.maximum(np.abs(G_w).max(axis=1, keepdims=True), 1e-300)
     scaled = scaled / np.maximum(np.abs(scaled).max(axis=0, keepdims=True), 1e-300)
@@ -146,7 +146,7 @@ def algebraic(t: Parameter, network: Network, x: Float[Array, " n"]) -> Float[Ar
     def correction(w):
         return jnp.linalg.solve(jax.jacfwd(closures)(w), closures(w))
 
-    guess = jnp.ones(network.n_unknowns - n)  # at rest a quadratic loss has no slope
+    guess = jnp.ones(network.n_unknowns - n)  # the derivative of a quadratic loss vanishes at rest
     if network.is_linear:
         return guess - correction(guess)
     return jax.lax.custom_root(

@@ -37,7 +37,7 @@ Table = dict[str, np.ndarray]
 
 @dataclasses.dataclass(frozen=True)
 class SvZeroDOutput:
-    """What a case asks to be reported.
+    """Form of the output of a case.
 
     Attributes:
         all_cycles: every cycle, or the last one only with its time starting at 0.
@@ -173,7 +173,7 @@ def steady_unknowns(case: SvZeroDCase) -> Float[Array, " m"]:
     """
     network = steady_sources(case.network, case.period, samples=SAMPLES)
     cure = "Set steady_initial to false, or connect a resistance or a pressure to the network."
-    z = jnp.ones(network.n_unknowns)  # at rest a quadratic loss has no slope
+    z = jnp.ones(network.n_unknowns)  # the derivative of a quadratic loss vanishes at rest
     for _ in range(100):
         slope = np.asarray(jacobian(network, 0.0, z))
         if not _is_regular(slope):

@@ -1,4 +1,4 @@
-"""What a svZeroDSolver case file may contain here: its tables, keys and types.
+"""Checks of a svZeroDSolver case file: its tables, keys and types.
 
 Each check returns faults, one line each, naming the entry, what is wrong and why.
 """
@@ -240,7 +240,7 @@ def _identity_faults(config: Mapping[str, Any]) -> list[str]:
 
 
 def _unknown(entry: Mapping[str, Any], known: tuple[str, ...], where: str) -> list[str]:
-    """Keys that nobody reads; those that start with '_' are remarks."""
+    """Unknown keys; those that start with '_' are remarks."""
     faults = []
     for key in entry:
         if key in known or key.startswith("_") or key == "description":

@@ -1,4 +1,4 @@
-"""What the lumped models are verified with: example elements and exact solutions.
+"""Verification of the lumped models: example elements and exact solutions.
 
 `BLOCKS` and `VESSELS` drive the generic tests: a new element is tested by adding a line there and
 its impedance to `IMPEDANCES`. The exact solutions are written out by hand from the equations of

@@ -10,19 +10,20 @@ import os
 import pathlib
 from typing import Any
 
+from jaxfsi.fields.aortic_site import aortic_site
 from lumped import MMHG
 from study import demo_case_path, read_case
 from study.case.model import Case, SurrogateParameters
 from study.run.anatomy_source import case_anatomy, states_of
-from study.run.aortic_site import aortic_site
 from study.run.mesh import mesh_state
 from study.run.progress import Progress
 from study.run.ramp import RampChoice, fitted, ramp_record
-from study.run.run_3d import Bench, RunChoice, RunName, fsi_run
+from study.run.results import PlannedRun, RunId
+from study.run.run_3d import RunChoice, RunContext, fsi_run
 from study.run.study_options import QUICK_RATE, QUICK_TOLERANCE
 from study.store.meshes import mesh_key
 
-_RUN = RunName("convergence", "dobutamine", "printed", 0.114)
+_RUN = PlannedRun(RunId("convergence", "dobutamine", "printed"), 0.114)
 _CURVE = SurrogateParameters(R0=580.0, K=1010.0, law="quadratic")
 """Curve of the coarse ramp: only the start of a run depends on it."""
 
@@ -77,22 +78,22 @@ def setting_row(case: Case, preset: str, dt: float, progress: Progress) -> dict[
     site = aortic_site(mesh, case_anatomy(case, state))
     folder = FOLDER / f"{preset}-{1e3 * dt:g}ms"
     key = mesh_key(case, state)
-    bench = Bench(case, mesh, key, folder, RunChoice(dt=dt), progress, site)
+    context = RunContext(case, mesh, key, folder, RunChoice(dt=dt), progress, site)
     choice = RampChoice(rate=QUICK_RATE)
     progress.step(f"ramp, {folder.name}")
-    fit = fitted(ramp_record(bench, choice), choice)
+    fit = fitted(ramp_record(context, choice), choice).fit
     progress.step(f"dobutamine, {folder.name}")
-    part = fsi_run(bench, _RUN)
+    run = fsi_run(context, _RUN)
     return {
         "mesh": preset,
         "tets": len(mesh.tets),
-        "dt_ms": 1e3 * part["dt_s"],
+        "dt_ms": 1e3 * run.dt_s,
         "tangent_40": round(float(fit.tangent()[0])),
         "secant_8": round(float(fit.secant(8.0 * MMHG)[0])),
         "a": round(float(fit.law.a)),
         "b": round(float(fit.law.b)),
-        "FFR": f"{part['ratio']:.4f}",
-        "steps": part["steps"],
-        "repeated": part["repeated"],
-        "iterations": part["mean_iterations"],
+        "FFR": f"{run.ratio:.4f}",
+        "steps": run.steps,
+        "repeated": run.repeated,
+        "iterations": run.mean_iterations,
     }

@@ -17,27 +17,29 @@ from typing import Any
 
 import numpy as np
 
-from calibration.lumen_shape import (
+from jaxfsi.adjoint.lumen_shape import (
     LumenSurface,
     lumen_spread,
     lumen_surface,
     thickness_field,
     vessel_nodes,
 )
-from calibration.ratio_gradient import advance_part
+from jaxfsi.adjoint.ratio_gradient import advance_part
 from jaxfsi.anatomy import Anatomy
+from jaxfsi.fields.aortic_site import aortic_site
+from jaxfsi.fields.lumen_sections import artery_planes, lumen_at
 from jaxfsi.meshing import build_mesh
+from jaxfsi.opening import ANOMALOUS
 from study import demo_case_path, read_case
 from study.run.anatomy_source import case_anatomy, states_of
-from study.run.aortic_site import aortic_site
-from study.run.lumen_motion import VESSEL, artery_planes, lumen_at
 from study.run.progress import Progress
-from study.run.run_3d import Bench, RunChoice, RunName, setup_of
+from study.run.results import PlannedRun, RunId
+from study.run.run_3d import RunChoice, RunContext, setup_of
 from study.run.sensitivity import by_parameters, gradient_stepper, reading_of, swept_gradient
 from study.run.setup import Setup
 from study.run.study_options import QUICK_STEP
 
-_RUN = RunName("sensitivity", "dobutamine", "printed", 0.114)
+_RUN = PlannedRun(RunId("sensitivity", "dobutamine", "printed"), 0.114)
 _TOLERANCE = 1e-3
 _THICKER = 0.05
 """Share by which the wall is made thicker and thinner."""
@@ -60,14 +62,16 @@ def run(rounds: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder, Progress() as progress:
         place = pathlib.Path(folder)
         site = aortic_site(mesh, anatomy)
-        bench = Bench(case, mesh, "as it is", place, RunChoice(dt=QUICK_STEP), progress, site)
-        setup = windowed(setup_of(bench, _RUN))
+        context = RunContext(
+            case, mesh, "as it is", place, RunChoice(dt=QUICK_STEP), progress, site
+        )
+        setup = windowed(setup_of(context, _RUN))
         begun = time.perf_counter()
         swept = swept_gradient(case, setup, site, progress=progress)
         sweep_s = time.perf_counter() - begun
         relative, nodes = by_parameters(swept, case, _RUN, setup)
         surface = lumen_surface(mesh)
-        bulge = lumen_spread(mesh, surface)(bulge_of(surface, anatomy, bench))
+        bulge = lumen_spread(mesh, surface)(bulge_of(surface, anatomy, context))
         fields = {
             "thickness of the wall, ±5 %": _THICKER * thickness_field(mesh, surface),
             "lumen at the narrowest place, ±0.04 mm": bulge,
@@ -76,7 +80,7 @@ def run(rounds: int) -> dict[str, Any]:
         for what, field in fields.items():
             predicted = float(np.sum(nodes * field))
             begun = time.perf_counter()
-            more, less = (moved_ratio(bench, sign * field, f"{what} {sign}") for sign in (1, -1))
+            more, less = (moved_ratio(context, sign * field, f"{what} {sign}") for sign in (1, -1))
             found = (more - less) / 2.0
             rows.append(
                 {
@@ -112,23 +116,23 @@ def windowed(setup: Setup) -> Setup:
     return dataclasses.replace(setup, schedule=plan)
 
 
-def bulge_of(surface: LumenSurface, anatomy: Anatomy, bench: Bench) -> np.ndarray:
+def bulge_of(surface: LumenSurface, anatomy: Anatomy, context: RunContext) -> np.ndarray:
     """A smooth shift outwards of the lumen around the narrowest place [cm]."""
     planes = artery_planes(anatomy)
     assert planes is not None, "the bundled patient has an axis"
-    area = lumen_at(bench.mesh, planes, np.zeros_like(bench.mesh.points))[0]
+    area = lumen_at(context.mesh, planes, np.zeros_like(context.mesh.points))[0]
     centre = planes.centre[int(np.nanargmin(area))]
-    chosen = vessel_nodes(surface, anatomy.centerlines[VESSEL].points)
+    chosen = vessel_nodes(surface, anatomy.centerlines[ANOMALOUS].points)
     height = np.exp(-(np.linalg.norm(surface.points - centre, axis=1) ** 2) / (2.0 * _WIDTH**2))
     return _BULGE * (height * chosen)[:, None] * surface.normal
 
 
-def moved_ratio(bench: Bench, field: np.ndarray, name: str) -> float:
+def moved_ratio(context: RunContext, field: np.ndarray, name: str) -> float:
     """Ratio of a whole new run whose nodes are moved, in equal steps."""
-    mesh = dataclasses.replace(bench.mesh, points=bench.mesh.points + field)
-    moved = dataclasses.replace(bench, mesh=mesh, mesh_key=name)
+    mesh = dataclasses.replace(context.mesh, points=context.mesh.points + field)
+    moved = dataclasses.replace(context, mesh=mesh, mesh_key=name)
     setup = windowed(setup_of(moved, _RUN))
-    stepper, reading = gradient_stepper(bench.case, setup), reading_of(setup, bench.site)
+    stepper, reading = gradient_stepper(context.case, setup), reading_of(setup, context.site)
     state, sums = setup.state, np.zeros(2)
     for _ in range(setup.schedule.n_steps // _CHUNK):
         part = advance_part(setup.model, state, stepper, reading, _CHUNK)

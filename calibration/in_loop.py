@@ -48,16 +48,24 @@ class LoopFit(NamedTuple):
     """Result of a calibration in the loop.
 
     Attributes:
-        alpha: scale factor of the best run [-].
-        ratio: its resting ratio [-].
+        best: index of the best run.
         trials: all runs, in order.
-        reached: whether the ratio is within the tolerance.
+        reached: whether the ratio of the best run is within the tolerance.
     """
 
-    alpha: float
-    ratio: float
+    best: int
     trials: tuple[Trial, ...]
     reached: bool
+
+    @property
+    def alpha(self) -> float:
+        """Scale factor of the best run [-]."""
+        return self.trials[self.best].alpha
+
+    @property
+    def ratio(self) -> float:
+        """Resting ratio of the best run [-]."""
+        return self.trials[self.best].ratio
 
     @property
     def extra_runs(self) -> int:
@@ -156,8 +164,8 @@ def calibrate_in_loop(
         trials.append(Trial(alpha, run(alpha)))
         if abs(trials[-1].ratio - target) <= tolerance:
             break
-    best = min(trials, key=lambda trial: _distance(trial.ratio, target))
-    return LoopFit(best.alpha, best.ratio, tuple(trials), abs(best.ratio - target) <= tolerance)
+    best = min(range(len(trials)), key=lambda k: _distance(trials[k].ratio, target))
+    return LoopFit(best, tuple(trials), abs(trials[best].ratio - target) <= tolerance)
 
 
 def _check_target(target: float) -> None:

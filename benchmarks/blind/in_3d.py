@@ -31,7 +31,7 @@ from study.case.model import Condition
 from study.run.driven_beat import PHASES, Beat, Drive, driven_beat, fingerprint, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress
-from study.run.run_3d import Bench
+from study.run.run_3d import RunContext
 from study.store.cache_folder import use_cache
 
 SOFT_WALL, SOFTER = "softer_wall", 0.25
@@ -75,7 +75,7 @@ def conditions_of(study: FinishedStudy) -> tuple[Condition3D, ...]:
     Raises:
         ValueError: the study's case has no dobutamine.
     """
-    known = study.bench.case.conditions
+    known = study.context.case.conditions
     if "dobutamine" not in known:
         raise ValueError("The study ran no condition dobutamine. Take one whose case has it.")
     high, low, period = STRONGER
@@ -144,18 +144,17 @@ def drives_of(study: FinishedStudy, lanes: Lanes, differences: list[np.ndarray])
     return drives
 
 
-def differences_of(study: FinishedStudy, bench: Bench, passes: int) -> list[np.ndarray]:
+def differences_of(study: FinishedStudy, context: RunContext, passes: int) -> list[np.ndarray]:
     """Pressure at the ostium over that at the inlet, in each condition [mmHg].
 
     At first as the study's own runs have shown it, where the condition was another one; each
     further pass takes it from plain runs with that of the pass before.
     """
     conditions, lanes = conditions_of(study), lanes_of(study, NULL, 0.0)
-    runs = study.document["runs"]
-    found = [known_difference(runs, c.entry, study.alpha) for c in conditions]
+    found = [known_difference(study.calibrated, c.entry) for c in conditions]
     for k in range(1, passes):
         found = [
-            driven_beat(bench, f"{PLAIN}{_mark(k)}-{drive.entry.name}", drive).difference
+            driven_beat(context, f"{PLAIN}{_mark(k)}-{drive.entry.name}", drive).difference
             for drive in drives_of(study, lanes, found)
         ]
     return found
@@ -167,18 +166,18 @@ def _mark(k: int) -> str:
 
 
 def beats_of(
-    study: FinishedStudy, bench: Bench, cause: str, size: float, passes: int = 1
+    study: FinishedStudy, context: RunContext, cause: str, size: float, passes: int = 1
 ) -> list[Beat]:
     """The beat of each condition with an effect; those that it does not change are run once."""
-    differences = differences_of(study, bench, passes)
+    differences = differences_of(study, context, passes)
     usual = drives_of(study, lanes_of(study, NULL, 0.0), differences)
     changed = drives_of(study, lanes_of(study, cause, size), differences)
     beats = []
     for drive, plain in zip(changed, usual, strict=True):
         same = fingerprint((drive.bed, drive.P_ostium)) == fingerprint((plain.bed, plain.P_ostium))
         label = f"{PLAIN if same else cause}{_mark(passes)}"
-        bench.progress.step(f"3D: {drive.entry.name}, {label}")
-        beats.append(driven_beat(bench, f"{label}-{drive.entry.name}", drive))
+        context.progress.step(f"3D: {drive.entry.name}, {label}")
+        beats.append(driven_beat(context, f"{label}-{drive.entry.name}", drive))
     return beats
 
 
@@ -214,11 +213,10 @@ def make(
         passes: see `differences_of`.
     """
     rng = np.random.default_rng(seed)
-    ramp = study.document["ramp"]
-    curve = tuple(max(float(ramp[k]), 0.0) / MMHG_S_PER_ML for k in ("a", "b", "inertance"))
+    curve = tuple(max(part, 0.0) / MMHG_S_PER_ML for part in study.ramp)
     sizes = {cause: size_of(cause, rng, curve) for cause in CAUSES}
     beats_by_cause = {
-        cause: beats_of(study, _bench(study, folder, cause), cause, sizes[cause], passes)
+        cause: beats_of(study, _context(study, folder, cause), cause, sizes[cause], passes)
         for cause in CAUSES
         if cause in causes
     }
@@ -270,19 +268,19 @@ def label_of(cause: str, size: float, smaller: float) -> dict:
 _TRACES = {"P_aorta": "P_ostium", "P_distal": "P_distal", "Q": "Q"}
 
 
-def _bench(study: FinishedStudy, folder: pathlib.Path, cause: str) -> Bench:
+def _context(study: FinishedStudy, folder: pathlib.Path, cause: str) -> RunContext:
     """Where the runs of a cause are kept; the prestress is that of the study, where it fits."""
-    bench = dataclasses.replace(study.bench, folder=folder)
+    context = dataclasses.replace(study.context, folder=folder)
     if cause == SOFT_WALL:
-        wall = dataclasses.replace(bench.case.wall, E=SOFTER * bench.case.wall.E)
-        case = dataclasses.replace(bench.case, wall=wall)
-        return dataclasses.replace(bench, case=case, folder=folder / SOFT_WALL)
+        wall = dataclasses.replace(context.case.wall, E=SOFTER * context.case.wall.E)
+        case = dataclasses.replace(context.case, wall=wall)
+        return dataclasses.replace(context, case=case, folder=folder / SOFT_WALL)
     stages = folder / "stages"
     stages.mkdir(parents=True, exist_ok=True)
-    for path in (study.bench.folder / "stages").glob("prestress-*.npz"):
+    for path in (study.context.folder / "stages").glob("prestress-*.npz"):
         if not (stages / path.name).exists():
             shutil.copy(path, stages)
-    return bench
+    return context
 
 
 def _secant(curve: tuple[float, ...], drop: float) -> float:

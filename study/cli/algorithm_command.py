@@ -11,6 +11,7 @@ from study.run.progress import Progress
 from study.run.study_options import study_case, study_choice
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.json_form import as_json
 from study.store.options import StudyOptions
 from study.store.provenance import provenance
 from study.store.result_files import STAGE_FOLDER
@@ -27,7 +28,7 @@ def algorithm_command(request: Request[StudyOptions], case: Case, folder: pathli
     check_study(case, choice)
     with at_work(folder, note), Progress() as progress:
         origin = provenance(case, request.words, request.options)
-        make_way(folder, {"kind": "study", "provenance": origin}, note)
+        make_way(folder, {"kind": "study", "provenance": as_json(origin)}, note)
         try:
             result = run_study(case, folder, choice, progress=progress)
             document, written = write_study(result, origin, progress)

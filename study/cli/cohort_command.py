@@ -1,10 +1,8 @@
 """The command `cohort`: cases of a folder side by side, and how predictions agree."""
 
-import datetime
+import dataclasses
 import os
 import pathlib
-import platform
-from typing import Any
 
 from study.case.model import read_case
 from study.cli.command_output import Answer, note
@@ -16,9 +14,10 @@ from study.run.members import Member
 from study.run.progress import Progress
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.json_form import as_json
 from study.store.options import CohortOptions
 from study.store.output import write_files
-from study.store.provenance import commit, inputs_of, versions
+from study.store.provenance import Provenance, inputs_of, made_by
 from study.store.result_files import COHORT_FILE, COHORT_PAGE
 from study.store.stored_document import to_json
 
@@ -45,7 +44,7 @@ def cohort_command(
     extra = options.options or ()
     with at_work(out, note), Progress() as progress:
         origin = _provenance(request, members)
-        make_way(out, {"kind": "cohort", "provenance": origin}, note)
+        make_way(out, {"kind": "cohort", "provenance": as_json(origin)}, note)
         workers = options.workers or os.cpu_count() or 1
         rounds = -(-len(members) // workers)
         progress.plan({"cases": _SECONDS[options.mode] * rounds, "writing the report": 3.0})
@@ -67,17 +66,10 @@ def cohort_command(
     return Answer(document, written)
 
 
-def _provenance(request: Request[CohortOptions], members: list[Member]) -> dict[str, Any]:
-    return {
-        "inputs": [
-            {**entry, "file": f"{member.name}/{entry['file']}"}
-            for member in members
-            for entry in inputs_of(read_case(member.path))
-        ],
-        "command": list(request.words),
-        "options": request.options.stored(),
-        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "versions": versions(),
-        "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
-        "commit": commit(),
-    }
+def _provenance(request: Request[CohortOptions], members: list[Member]) -> Provenance:
+    inputs = [
+        dataclasses.replace(entry, file=f"{member.name}/{entry.file}")
+        for member in members
+        for entry in inputs_of(read_case(member.path))
+    ]
+    return made_by(inputs, request.words, request.options)

@@ -17,6 +17,7 @@ from study.run.sweep import sweep_case, sweep_table
 from study.run.tuning import calibrate_case
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.json_form import as_json
 from study.store.options import CalibrateOptions, RunOptions, SweepOptions
 from study.store.output import write_files
 from study.store.provenance import provenance
@@ -79,7 +80,7 @@ def sweep_command(request: Request[SweepOptions], case: Case, folder: pathlib.Pa
         found = sweep_case(
             case, options.alpha.values(), condition=options.condition, rule=options.rule
         )
-        document = {**found, "provenance": origin}
+        document = {**found, "provenance": as_json(origin)}
         files = {
             TABLE_FILE: sweep_table(document),
             FIGURE_FILE: sweep_figure(document),

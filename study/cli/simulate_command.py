@@ -3,6 +3,7 @@
 import dataclasses
 import pathlib
 
+from jaxfsi.simulation.cycles import inlet_of
 from study.case.anatomy import MeshAnatomy
 from study.case.model import Case
 from study.cli.command_output import Answer, note
@@ -19,7 +20,6 @@ from study.report.simulation_results import (
 from study.run.anatomy_source import case_anatomy
 from study.run.mesh import chosen_state, mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
-from study.run.openings import inlet_of
 from study.run.progress import Progress
 from study.run.setup import check_simulation, plan_steps, prepare_simulation
 from study.run.simulation import STEP_NAME, Outcome, march_seconds, run_simulation

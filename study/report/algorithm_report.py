@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from calibration.lumen_shape import lumen_surface
+from jaxfsi.adjoint.lumen_shape import lumen_surface
 from jaxfsi.fields import read_series
+from jaxfsi.simulation.cycles import Inlet
 from study.report.algorithm_figures import study_figures
-from study.report.algorithm_results import Document, study_document
+from study.report.algorithm_results import study_document
 from study.report.page import rendered, safe
 from study.report.simulation_pictures import (
     PICTURES,
@@ -18,19 +19,22 @@ from study.report.simulation_pictures import (
     draw_simulation,
 )
 from study.report.simulation_results import SERIES_FILE, Drawn, embedded_pictures
-from study.run.algorithm import LOOP, StudyResult, shown_runs
-from study.run.openings import Inlet
+from study.run.algorithm import StudyResult
 from study.run.progress import Progress
+from study.store.json_form import as_json
 from study.store.output import write_files
+from study.store.provenance import Provenance
 from study.store.result_files import STUDY_FILE, STUDY_PAGE
 from study.store.result_files import STUDY_PICTURES as PICTURE_FOLDER
 from study.store.stored_document import to_json
+
+Document = dict[str, Any]
 
 FILM_SUFFIX = "film.gif"
 
 
 def write_study(
-    result: StudyResult, provenance: dict[str, Any], progress: Progress
+    result: StudyResult, provenance: Provenance, progress: Progress
 ) -> tuple[Document, list[pathlib.Path]]:
     """Draw a study and write its document and page into its folder.
 
@@ -45,7 +49,7 @@ def write_study(
     progress.step("drawing")
     drawn, films = _drawn(result)
     progress.step("writing the report")
-    document = study_document(result, drawn, list(films), provenance)
+    document = as_json(study_document(result, drawn, list(films), provenance))
     pictures = {name: embedded_pictures(part) for name, part in drawn.items()}
     page = study_report(document, pictures, {n: film_text(c) for n, c in films.items()})
 
@@ -59,7 +63,7 @@ def write_study(
             (place / f"{name}-{FILM_SUFFIX}").write_bytes(content)
 
     files = {STUDY_PAGE: page, STUDY_FILE: to_json(document)}
-    return document, write_files(result.bench.folder, files, fill=fill)
+    return document, write_files(result.folder, files, fill=fill)
 
 
 def study_report(
@@ -115,23 +119,22 @@ def _drawn(result: StudyResult) -> tuple[dict[str, Drawn], dict[str, bytes]]:
     """Pictures of the calibrated runs; an animation of the last one under stress."""
     drawn: dict[str, Drawn] = {}
     films: dict[str, bytes] = {}
-    bench, shown = result.bench, shown_runs(result)
-    moving = [run for run in shown if run["label"] == LOOP][-1:] or shown[-1:]
+    shown = result.calibrated
+    moving = [run for run in shown if not run.is_rest][-1:] or shown[-1:]
     for run in shown:
-        name = run["folder"].split("/")[-1]
-        wave = run["history"]
-        inlet = Inlet(np.array(wave["t_s"]), np.array(wave["P_aorta_mmHg"]))
-        series = bench.folder / run["folder"] / SERIES_FILE
+        inlet = Inlet(np.array(run.history.t_s), np.array(run.history.P_aorta_mmHg))
+        series = result.folder / run.folder / SERIES_FILE
         if not read_series(series):
             continue
-        scene = (series, bench.mesh, result.anatomy, inlet, run["period_s"])
-        drawn[name] = Drawn(*draw_simulation(*scene))
-        if name in result.sensitivities:
-            values = result.sensitivities[name].lumen * 1e-3  # per mm³
-            surface = lumen_surface(bench.mesh)
-            drawn[name].pictures.update(draw_lumen(bench.mesh, result.anatomy, surface, values))
-        if run in moving and drawn[name].pictures:
+        scene = (series, result.mesh, result.anatomy, inlet, run.period_s)
+        drawn[run.id] = Drawn(*draw_simulation(*scene))
+        if run.id in result.sensitivities:
+            values = result.sensitivities[run.id].lumen * 1e-3  # per mm³
+            surface = lumen_surface(result.mesh)
+            lumen = draw_lumen(result.mesh, result.anatomy, surface, values)
+            drawn[run.id].pictures.update(lumen)
+        if run in moving and drawn[run.id].pictures:
             film = draw_film(*scene)
             if film is not None:
-                films[name] = film
+                films[run.id] = film
     return drawn, films

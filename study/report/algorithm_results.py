@@ -2,24 +2,36 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
 
+from jaxfsi.opening import OUTLET
 from study.case.model import WindkesselParameters
+from study.report.documents.parts import notes
+from study.report.documents.study import (
+    AlphaCurve,
+    AlphaEntry,
+    Loop,
+    LoopTrial,
+    RatioRow,
+    ReducedSensitivity,
+    StudyDocument,
+    StudyMesh,
+    StudyWall,
+)
 from study.report.headline import Reading, headline, headline_numbers
-from study.report.kept_parts import computed_parts, older_parts
 from study.report.sensitivity_part import sensitivity_parts
 from study.report.simulation_results import Drawn
-from study.run.algorithm import CURVE, LOOP, NOMINAL, PAPER, StudyResult, shown_runs
-from study.run.lumen_motion import measured_states
+from study.run.algorithm import StudyResult
+from study.run.computed_parts import older_parts
+from study.run.lumen_parts import measured_states
 from study.run.patient import LINEAR, QUADRATIC
-from study.run.ramp import ramp_part
-from study.run.setup import OUTLET
+from study.run.results import CURVE, NOMINAL, PAPER, Run3D
+from study.run.sensitivity import Sensitivity
 from study.run.tuning import ratio_error
 from study.store.document_rows import CALIBRATED, FIXED
+from study.store.json_form import ABSENT
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
-
-Document = dict[str, Any]
+from study.store.provenance import Provenance
 
 ORIGINS = {
     PAPER: "linear surrogate (the paper)",
@@ -35,68 +47,74 @@ PERIODIC_MMHG = 1.0
 
 
 def study_document(
-    result: StudyResult, drawn: Mapping[str, Drawn], films: list[str], provenance: Document
-) -> Document:
+    result: StudyResult, drawn: Mapping[str, Drawn], films: list[str], provenance: Provenance
+) -> StudyDocument:
     """The document of a study.
 
     Args:
         result: what it found.
-        drawn: pictures by name of the run.
-        films: names of runs with an animation.
+        drawn: pictures by id of the run.
+        films: ids of runs with an animation.
         provenance: see `study.store.provenance`.
     """
-    case, loop = result.bench.case, result.loop
-    folders = [run["folder"].split("/")[-1] for run in result.runs]
-    computed = computed_parts(result.bench, folders, list(result.sensitivities))
-    older = [("info", text) for text in older_parts(computed)]
-    return {
-        "format": FORMAT,
-        "kind": "study",
-        "patient": case.id,
-        "rule": case.stress.rule,
-        "verdict": study_verdict(result),
-        "headline": headline_numbers(study_readings(result)),
-        "notes": [{"level": level, "text": text} for level, text in [*_notes(result), *older]],
-        "rest_ratio_measured": case.conditions["rest"].ffr,
-        "ramp": ramp_part(result.record, result.fit, result.choice.ramp),
-        "calibrations": list(_calibrations(result)),
-        "loop": {
-            "alpha": loop.alpha,
-            "rest_ratio": loop.ratio,
-            "reached": loop.reached,
-            "extra_runs": loop.extra_runs,
-            "trials": [trial._asdict() for trial in loop.trials],
-        },
-        "curves": {
-            law: {"alpha": curve.alpha.tolist(), "rest_ratio": curve.ratio.tolist()}
+    case, mesh = result.case, result.mesh
+    older = [("info", text) for text in older_parts(result.computed)]
+    return StudyDocument(
+        format=FORMAT,
+        kind="study",
+        patient=case.id,
+        rule=case.stress.rule,
+        verdict=study_verdict(result),
+        headline=headline_numbers(study_readings(result)),
+        notes=notes([*_notes(result), *older]),
+        rest_ratio_measured=case.conditions["rest"].ffr,
+        ramp=result.ramp.part,
+        calibrations=list(_calibrations(result)),
+        loop=_loop(result),
+        curves={
+            law: AlphaCurve(curve.alpha.tolist(), curve.ratio.tolist())
             for law, curve in result.reduced.curves.items()
         },
-        "rows": list(_rows(result)),
-        "runs": result.runs,
-        "shown": [run["folder"].split("/")[-1] for run in shown_runs(result)],
-        "motion": result.motion,
-        "measured_states": measured_states(case),
-        "sensitivities": list(_sensitivities(result)),
-        "fsi_sensitivities": _fsi_sensitivities(result),
-        "mesh": {
-            "nodes": len(result.bench.mesh.points),
-            "tets": len(result.bench.mesh.tets),
-            "preset": case.mesh.preset,
-        },
-        "wall": {"E_dyn_per_cm2": case.wall.E, "nu": case.wall.nu, "material": case.wall.material},
-        "pictures": {name: list(part.pictures) for name, part in drawn.items()},
-        "picture_times_s": {name: part.times for name, part in drawn.items()},
-        "picture_notes": sorted({part.note for part in drawn.values() if part.note}),
-        "films": films,
-        "computed": computed,
-        "numerics": decided_by("study"),
-        "provenance": provenance,
-    }
+        rows=list(_rows(result)),
+        runs=result.runs,
+        shown=[run.id for run in result.calibrated],
+        motion=result.motion,
+        measured_states=measured_states(case),
+        sensitivities=list(_sensitivities(result)),
+        fsi_sensitivities=list(sensitivity_parts(_differentiated(result), mesh, result.anatomy)),
+        mesh=StudyMesh(len(mesh.points), len(mesh.tets), case.mesh.preset),
+        wall=StudyWall(case.wall.E, case.wall.nu, case.wall.material),
+        pictures={name: list(part.pictures) for name, part in drawn.items()},
+        picture_times_s={name: part.times for name, part in drawn.items()},
+        picture_notes=sorted({part.note for part in drawn.values() if part.note}),
+        films=films,
+        computed=result.computed,
+        numerics=decided_by("study"),
+        provenance=provenance,
+    )
+
+
+def _loop(result: StudyResult) -> Loop:
+    loop = result.loop
+    return Loop(
+        run=result.rest,
+        alpha=loop.alpha,
+        rest_ratio=loop.ratio,
+        reached=loop.reached,
+        extra_runs=loop.extra_runs,
+        trials=[LoopTrial(*trial) for trial in loop.trials],
+    )
+
+
+def _differentiated(result: StudyResult) -> list[tuple[Run3D, Sensitivity]]:
+    """Runs with their derivatives, where they were asked for."""
+    found = result.sensitivities
+    return [(run, found[run.id]) for run in result.runs if run.id in found]
 
 
 def study_verdict(result: StudyResult) -> str:
     """The result in a few sentences."""
-    loop, target = result.loop, result.bench.case.conditions["rest"].ffr
+    loop, target = result.loop, result.case.conditions["rest"].ffr
     word = "meets" if loop.reached else "misses"
     rest = (
         f"At rest the 3D model has Pd/Pa {loop.ratio:.4f} and {word} the measured {target:.3f}"
@@ -109,98 +127,92 @@ def study_verdict(result: StudyResult) -> str:
 def study_readings(result: StudyResult) -> list[Reading]:
     """FFR in 3D of every condition under stress by every rule that was run, the own rule first."""
     own = _own_rule(result)
-    runs = [r for r in result.runs if r["condition"] != "rest" and r["label"] == LOOP]
-    conditions = list(dict.fromkeys(run["condition"] for run in runs))
+    runs = [run for run in result.calibrated if not run.is_rest]
+    conditions = list(dict.fromkeys(run.condition for run in runs))
     found = []
-    for run in sorted(runs, key=lambda r: (conditions.index(r["condition"]), r["rule"] != own)):
-        entry = result.bench.case.conditions[run["condition"]]
-        words, sd = f"rule {run['rule']}", _ratio_sd(result, run)
-        found.append(
-            Reading(run["condition"], words, run["ratio"], sd, entry.ffr, ratio_error(entry))
-        )
+    for run in sorted(runs, key=lambda r: (conditions.index(r.condition), r.rule != own)):
+        entry, ratio = result.case.conditions[run.condition], _ratio(run)
+        words, sd = f"rule {run.rule}", _ratio_sd(result, run, ratio)
+        found.append(Reading(run.condition, words, ratio, sd, entry.ffr, ratio_error(entry)))
     return found
 
 
-def _ratio_sd(result: StudyResult, run: Mapping[str, Any]) -> float:
+def _ratio(run: Run3D) -> float:
+    assert run.ratio is not None, "a run of a study has whole cycles"
+    return run.ratio
+
+
+def _ratio_sd(result: StudyResult, run: Run3D, ratio: float) -> float:
     """Standard deviation of a ratio in 3D from the error of the resting ratio and what is missed.
 
     ∂ log FFR/∂ log Pd/Pa with α tuned again is that of the surrogate, the curve's where there is
     one: in 3D it would take runs with several α under stress.
     """
-    rest = result.bench.case.conditions["rest"]
+    rest = result.case.conditions["rest"]
     assert rest.ffr is not None
     laws = (QUADRATIC, LINEAR)
     mine = {
         r.law: r
         for r in result.reduced.runs
-        if (r.condition, r.rule, r.boundary) == (run["condition"], run["rule"], CALIBRATED)
+        if (r.condition, r.rule, r.boundary) == (run.condition, run.rule, CALIBRATED)
     }
     slope = next(abs(mine[law].recalibrated["rest_ratio"]) for law in laws if law in mine)
-    return slope * math.hypot(ratio_error(rest), _miss(result)) / rest.ffr * run["ratio"]
+    return slope * math.hypot(ratio_error(rest), _miss(result)) / rest.ffr * ratio
 
 
 def _own_rule(result: StudyResult) -> str:
-    rules = result.choice.rules or (result.bench.case.stress.rule,)
-    own = result.bench.case.stress.rule
+    rules = result.choice.rules or (result.case.stress.rule,)
+    own = result.case.stress.rule
     return own if own in rules else rules[0]
 
 
-def _calibrations(result: StudyResult) -> Iterator[Document]:
+def _calibrations(result: StudyResult) -> Iterator[AlphaEntry]:
     """Fixed, linear surrogate, curve surrogate and 3D in the loop side by side."""
-    target = result.bench.case.conditions["rest"].ffr
+    target = result.case.conditions["rest"].ffr
     assert target is not None
-    rest = [run for run in result.runs if run["condition"] == "rest"]
+    rest = [run for run in result.runs if run.is_rest]
     names = {NOMINAL: 0, PAPER: 1, CURVE: 2}
-    for run in sorted(rest, key=lambda r: names.get(r["label"], 3)):
-        yield {
-            "label": run["label"],
-            "origin": ORIGINS.get(run["label"], "corrected in 3D"),
-            "alpha": run["alpha"],
-            "rest_ratio": run["ratio"],
-            "error": run["ratio"] - target,
-            "best": run["alpha"] == result.loop.alpha,
-            "drift_mmHg": run["drift_mmHg"],
-        }
+    for run in sorted(rest, key=lambda r: names.get(r.label, 3)):
+        yield AlphaEntry(
+            run=run.id,
+            label=run.label,
+            origin=ORIGINS.get(run.label, "corrected in 3D"),
+            alpha=run.alpha,
+            rest_ratio=run.ratio,
+            error=None if run.ratio is None else run.ratio - target,
+            best=run.id == result.rest,
+            drift_mmHg=run.drift_mmHg,
+        )
 
 
-def _rows(result: StudyResult) -> Iterator[Document]:
+def _rows(result: StudyResult) -> Iterator[RatioRow]:
     """One row a condition and rule: measured, 0D and 3D, nominal and calibrated."""
-    case = result.bench.case
+    case, calibrated = result.case, {run.id for run in result.calibrated}
     sds = {(r.condition, r.words.removeprefix("rule ")): r.sd for r in study_readings(result)}
     settings = dict.fromkeys(
-        (run["condition"], run["rule"])
-        for run in sorted(result.runs, key=lambda r: r["condition"] != "rest")
+        (run.condition, run.rule) for run in sorted(result.runs, key=lambda r: not r.is_rest)
     )
     for condition, rule in settings:
-        mine = [r for r in result.runs if (r["condition"], r["rule"]) == (condition, rule)]
-        found = {r["label"]: r["ratio"] for r in mine}
-        best = [r["ratio"] for r in mine if r["alpha"] == result.loop.alpha]
-        flows = [
-            r["cycles"][-1]["ports"][_distal(r)]["mean_Q_ml_per_min"]
-            for r in mine
-            if r["alpha"] == result.loop.alpha
-        ]
+        mine = [r for r in result.runs if (r.condition, r.rule) == (condition, rule)]
+        best = next((run for run in mine if run.id in calibrated), None)
+        nominal = next((run for run in mine if run.label == NOMINAL), None)
         reduced = {
             (law, boundary): _reduced(result, condition, rule, law, boundary)
             for law in result.reduced.calibrations
             for boundary in (CALIBRATED, FIXED)
         }
-        yield {
-            "condition": condition,
-            "rule": rule,
-            "measured": case.conditions[condition].ffr,
-            "linear_0d": reduced.get((LINEAR, CALIBRATED)),
-            "curve_0d": reduced.get((QUADRATIC, CALIBRATED)),
-            "curve_0d_nominal": reduced.get((QUADRATIC, FIXED)),
-            "fsi": best[0] if best else None,
-            "fsi_sd": sds.get((condition, rule)),
-            "fsi_nominal": found.get(NOMINAL),
-            "flow_ml_per_min": flows[0] if flows else None,
-        }
-
-
-def _distal(run: Mapping[str, Any]) -> str:
-    return next(n for n in run["cycles"][-1]["ports"] if n.startswith("anomalous"))
+        yield RatioRow(
+            condition=condition,
+            rule=rule,
+            measured=case.conditions[condition].ffr,
+            linear_0d=reduced.get((LINEAR, CALIBRATED)),
+            curve_0d=reduced.get((QUADRATIC, CALIBRATED)),
+            curve_0d_nominal=reduced.get((QUADRATIC, FIXED)),
+            fsi=None if best is None else best.ratio,
+            fsi_sd=None if rule is None else sds.get((condition, rule)),
+            fsi_nominal=None if nominal is None else nominal.ratio,
+            flow_ml_per_min=None if best is None else best.distal.mean_Q_ml_per_min,
+        )
 
 
 def _reduced(
@@ -213,41 +225,26 @@ def _reduced(
     return None
 
 
-def _sensitivities(result: StudyResult) -> Iterator[Document]:
+def _sensitivities(result: StudyResult) -> Iterator[ReducedSensitivity]:
     """Of stress FFR, by the curve surrogate with α tuned at rest."""
     for run in result.reduced.runs:
         own = (run.law, run.rule, run.boundary) == (QUADRATIC, _own_rule(result), CALIBRATED)
         if own and run.condition != "rest":
-            yield {
-                "condition": run.condition,
-                "rule": run.rule,
-                "ffr": run.ratio,
-                "at_fixed_alpha": run.at_fixed_alpha,
-                "recalibrated": run.recalibrated,
-            }
-
-
-def _fsi_sensitivities(result: StudyResult) -> list[Document]:
-    """Of the ratios in 3D, where they were asked for."""
-    runs = {run["folder"].split("/")[-1]: run for run in result.runs}
-    at = {name: (runs[name]["condition"], runs[name]["rule"]) for name in result.sensitivities}
-    if not at:
-        return []
-    found = {at[name]: part for name, part in result.sensitivities.items()}
-    names = {place: name for name, place in at.items()}
-    return list(sensitivity_parts(found, names, result.bench.mesh, result.anatomy))
+            yield ReducedSensitivity(
+                run.condition, run.rule, run.ratio, run.at_fixed_alpha, run.recalibrated
+            )
 
 
 def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
-    ramp = ramp_part(result.record, result.fit, result.choice.ramp)
-    ratio = ramp["tangent_40_mmHg"] / ramp["secants_by_drop_mmHg"]["8"]["secant"]
+    ramp = result.ramp.part
+    ratio = ramp.tangent_40_mmHg / ramp.secants_by_drop_mmHg["8"].secant
     yield (
         "info",
         f"the slope of the ramp at 40 mmHg is {ratio:.1f} times the resistance at a drop of 8 mmHg:"
         " the linear surrogate of the paper takes the one for the other",
     )
-    if ramp["largest_drop_mmHg"] < 40.0:
-        text = f"the ramp ends at {ramp['largest_drop_mmHg']:.0f} mmHg: R0 at 40 is extrapolated"
+    if ramp.largest_drop_mmHg < 40.0:
+        text = f"the ramp ends at {ramp.largest_drop_mmHg:.0f} mmHg: R0 at 40 is extrapolated"
         yield "warning", text
     if not result.loop.reached:
         yield (
@@ -257,50 +254,50 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
             f" {result.loop.extra_runs} extra runs",
         )
     for run in result.runs:
-        change = run["ratio_change"]
+        change = run.ratio_change
         if change is not None and change > 0.002:
-            text = f"{run['folder']}: the ratio still changes by {change:.4f} from cycle to cycle"
+            text = f"{run.folder}: the ratio still changes by {change:.4f} from cycle to cycle"
             yield "warning", f"{text}; take more cycles"
-        elif change is None and (run["drift_mmHg"] or 0.0) > PERIODIC_MMHG:
+        elif change is None and (run.drift_mmHg or 0.0) > PERIODIC_MMHG:
             yield (
                 "warning",
-                f"{run['folder']}: one cycle, and the coronary bed moved by"
-                f" {run['drift_mmHg']:.1f} mmHg in it; take two (--cycles 2) to see what it does to"
+                f"{run.folder}: one cycle, and the coronary bed moved by"
+                f" {run.drift_mmHg:.1f} mmHg in it; take two (--cycles 2) to see what it does to"
                 " the ratio",
             )
-        if run["repeated"]:
+        if run.repeated:
             yield (
                 "info",
-                f"{run['folder']}: {run['repeated']} steps failed and were repeated with smaller"
-                " ones",
+                f"{run.folder}: {run.repeated} steps failed and were repeated with smaller ones",
             )
-        yield from _aortic_flow(run, result.bench.case.windkessel)
+        yield from _aortic_flow(run, result.case.windkessel)
     for name, reason in result.failures.items():
         yield "warning", f"{name} could not be differentiated: {reason}"
     for law, reason in result.reduced.failures.items():
         yield "warning", f"the {law} surrogate could not be calibrated: {reason}"
 
 
-def _aortic_flow(run: Document, windkessel: WindkesselParameters) -> Iterator[tuple[str, str]]:
+def _aortic_flow(run: Run3D, windkessel: WindkesselParameters) -> Iterator[tuple[str, str]]:
     """Flow in the aorta that no heart makes."""
-    cycle = run["cycles"][-1]
-    offset, flow = cycle.get("site_offset_mmHg", 0.0), cycle["ports"].get(OUTLET)
+    cycle = run.cycles[-1]
+    offset, flow = cycle.site_offset_mmHg, cycle.ports.get(OUTLET)
     if flow is None:
         return
-    low, high = (flow[f"{key}_Q_ml_per_min"] / 1000.0 for key in ("least", "largest"))
+    offset = 0.0 if offset is ABSENT else offset
+    low, high = flow.least_Q_ml_per_min / 1000.0, flow.largest_Q_ml_per_min / 1000.0
     if abs(offset) < _LARGE_OFFSET_MMHG and max(-low, high) < _LARGE_FLOW_L_PER_MIN:
         return
     paper = windkessel.characteristic == "paper"
     cure = '; try characteristic = "impedance" below [windkessel]' if paper else ""
     yield (
         "warning",
-        f"{run['folder']}: the flow in the aorta, {low:.0f} to {high:.0f} l/min, is not to be read:"
+        f"{run.folder}: the flow in the aorta, {low:.0f} to {high:.0f} l/min, is not to be read:"
         " it is what the Windkessel takes under the given pressure. Its velocity head makes the"
         f" mean pressure at the ostium differ by {offset:.1f} mmHg from that at the inlet{cure}",
     )
 
 
 def _miss(result: StudyResult) -> float:
-    target = result.bench.case.conditions["rest"].ffr
+    target = result.case.conditions["rest"].ffr
     assert target is not None
     return abs(result.loop.ratio - target)

@@ -19,12 +19,14 @@ from study.case.anatomy import SyntheticAnatomy
 from study.case.faults import CaseError
 from study.case.model import Case, read_case
 from study.report.agreement import Agreement, agreement
-from study.run.algorithm import CURVE, PAPER
 from study.run.cohort import Fate
 from study.run.patient import QUADRATIC
+from study.run.results import CURVE, PAPER
 from study.store.document_rows import CALIBRATED, FIXED, ratio_name
+from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.options import Mode
+from study.store.provenance import Provenance
 from study.store.stored_document import readable
 
 Document = dict[str, Any]
@@ -61,7 +63,7 @@ class Pair(NamedTuple):
     measured: float
 
 
-def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Document) -> Document:
+def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Provenance) -> Document:
     """The document of a cohort.
 
     Args:
@@ -94,7 +96,7 @@ def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Document) -> 
         "pairs": [pair._asdict() for pair in pairs],
         "groups": groups,
         "changes": list(_changes(pairs)),
-        "provenance": provenance,
+        "provenance": as_json(provenance),
     }
 
 

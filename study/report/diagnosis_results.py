@@ -21,7 +21,9 @@ from diagnosis.where import (
 )
 from lumped import MMHG
 from study.report.diagnosis_words import sentence, size_of, to_do
+from study.store.json_form import as_json
 from study.store.layouts import FORMAT
+from study.store.provenance import Provenance
 
 SMALLEST_SHOWN = 1e-4
 """Probability below which a hypothesis is not listed on its own."""
@@ -30,7 +32,7 @@ Document = dict[str, Any]
 
 
 def diagnosis_document(
-    record: Record, remarks: Sequence[str], diagnosis: Diagnosis, provenance: Document
+    record: Record, remarks: Sequence[str], diagnosis: Diagnosis, provenance: Provenance
 ) -> Document:
     """The document of a diagnosis.
 
@@ -86,7 +88,7 @@ def diagnosis_document(
             "origin": noise.origin,
         },
         "remarks": list(remarks),
-        "provenance": provenance,
+        "provenance": as_json(provenance),
         "waveforms": _waveforms(record, diagnosis),
     }
 

@@ -10,8 +10,9 @@ beyond ±2.
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from study.report.documents.parts import Headline, HeadlineReading
 from study.report.number_formats import signed, with_sd
 
 FFR_THRESHOLD = 0.80
@@ -140,26 +141,23 @@ def _threshold(readings: Sequence[Reading]) -> str:
     return f"Whether FFR lies above {FFR_THRESHOLD:.2f} is open: chance of no more, {spread}."
 
 
-def headline_numbers(readings: Sequence[Reading]) -> dict[str, Any]:
+def headline_numbers(readings: Sequence[Reading]) -> Headline:
     """The numbers behind a headline, for a document."""
-    return {
-        "threshold": FFR_THRESHOLD,
-        "not_included": NOT_INCLUDED,
-        "readings": [
-            {
-                "condition": reading.condition,
-                "reading": reading.words,
-                "ffr": reading.value,
-                "ffr_sd": reading.sd,
-                "chance_at_or_below_threshold": reading.chance,
-                "measured": reading.measured,
-                "measured_sd": None if reading.measured is None else reading.measured_sd,
-                "z": reading.z,
-                "contradicted": reading.contradicted,
-            }
-            for reading in readings
-        ],
-    }
+    entries = [
+        HeadlineReading(
+            condition=reading.condition,
+            reading=reading.words,
+            ffr=reading.value,
+            ffr_sd=reading.sd,
+            chance_at_or_below_threshold=reading.chance,
+            measured=reading.measured,
+            measured_sd=None if reading.measured is None else reading.measured_sd,
+            z=reading.z,
+            contradicted=reading.contradicted,
+        )
+        for reading in readings
+    ]
+    return Headline(FFR_THRESHOLD, NOT_INCLUDED, entries)
 
 
 def _pair(value: float, sd: float) -> str:

@@ -9,15 +9,17 @@ from jaxfsi import Mesh
 from jaxfsi.mesh_files import Unit, write_mesh, write_mesh_complete
 from study.case.model import Case
 from study.run.mesh import mesh_part
+from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.meshes import StateMesh
+from study.store.provenance import Provenance
 from study.store.result_files import MESH_PICTURES as PICTURE_FOLDER
 
 FOLDER_SUFFIX = "-mesh-complete"
 
 
 def mesh_document(
-    case: Case, states: Mapping[str, StateMesh], formats: Sequence[str], provenance: dict[str, Any]
+    case: Case, states: Mapping[str, StateMesh], formats: Sequence[str], provenance: Provenance
 ) -> dict[str, Any]:
     """The document of the command."""
     return {
@@ -26,7 +28,7 @@ def mesh_document(
         "patient": case.id,
         **mesh_part(case, states),
         "mesh_files": {name: mesh_names(name, made.mesh, formats) for name, made in states.items()},
-        "provenance": provenance,
+        "provenance": as_json(provenance),
     }
 
 

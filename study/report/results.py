@@ -25,18 +25,20 @@ from study.run.patient import Patient, Vessel
 from study.run.pipeline import CaseResult, Run
 from study.run.tuning import Calibration, Tuning
 from study.store.document_rows import CALIBRATED, ratio_name
+from study.store.json_form import as_json
 from study.store.layouts import FORMAT
+from study.store.provenance import Provenance
 
 Document = dict[str, Any]
 
 
-def case_document(result: CaseResult, provenance: Document) -> Document:
+def case_document(result: CaseResult, provenance: Provenance) -> Document:
     """The document of a run of the pipeline."""
     patient = result.patient
     return {
         **_head("run", patient),
         "verdict": verdict(result),
-        "headline": headline_numbers(stress_readings(result)),
+        "headline": as_json(headline_numbers(stress_readings(result))),
         "resistance_words": resistance_words(result),
         "notes": [{"level": note.level, "text": note.text} for note in notes(result)],
         **_patient_part(patient),
@@ -50,19 +52,19 @@ def case_document(result: CaseResult, provenance: Document) -> Document:
         "sensitivities": [_sensitivity(run) for run in result.runs if run.boundary == CALIBRATED],
         "identifiability": identifiability(result),
         "readings": [{"topic": topic, "reading": text} for topic, text in READINGS],
-        "provenance": provenance,
+        "provenance": as_json(provenance),
         "waveforms": [_waveform(run) for run in result.runs],
     }
 
 
-def calibration_document(patient: Patient, tuning: Tuning, provenance: Document) -> Document:
+def calibration_document(patient: Patient, tuning: Tuning, provenance: Provenance) -> Document:
     """The document of a calibration alone."""
     return {
         **_head("calibrate", patient),
         **_patient_part(patient),
         "calibrations": _calibrations(*tuning),
         "alpha": tuning.calibrations[patient.case.surrogate.law].alpha,
-        "provenance": provenance,
+        "provenance": as_json(provenance),
     }
 
 

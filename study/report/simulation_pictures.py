@@ -8,14 +8,15 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image
 
-from calibration.lumen_shape import LumenSurface
 from jaxfsi import Mesh
+from jaxfsi.adjoint.lumen_shape import LumenSurface
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import Entry, read_series
 from jaxfsi.mesh import Region
 from jaxfsi.meshing.isolate import MeshingError, NativeCall, run_isolated
+from jaxfsi.opening import INLET, OUTLET
+from jaxfsi.simulation.cycles import Inlet
 from study.run.mesh_pictures import septum_place
-from study.run.openings import INLET, OUTLET, Inlet
 
 PICTURES = {
     "pressure": "Pressure less that of the aortic inlet, in a plane along the anomalous artery;"

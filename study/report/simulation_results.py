@@ -10,16 +10,18 @@ import numpy as np
 from jaxfsi import Mesh, Region
 from jaxfsi.core.step.model import Model
 from jaxfsi.fields import read_series
+from jaxfsi.opening import is_opening, is_segment
 from jaxfsi.simulation import Record, ShearMeans
+from jaxfsi.simulation.cycles import CycleMeans, cycle_means
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
 from study.report.mesh_results import picture_text
-from study.run.cycles import cycle_means, is_opening
-from study.run.openings import is_segment
 from study.run.setup import Setup
 from study.run.simulation import Outcome, solver_choice
 from study.store.document_rows import ratio_name
+from study.store.json_form import as_json
 from study.store.layouts import FORMAT
+from study.store.provenance import Provenance
 from study.store.result_files import FIELD_FOLDER
 from study.store.result_files import SIMULATION_PICTURES as PICTURE_FOLDER
 
@@ -49,12 +51,12 @@ def simulation_document(
     outcome: Outcome,
     drawn: Drawn,
     folder: pathlib.Path,
-    provenance: dict[str, Any],
+    provenance: Provenance,
 ) -> dict[str, Any]:
     """The document of the command."""
     plan, record = setup.schedule, outcome.record
     cycles = cycle_means(record, setup.model.names, plan.period)
-    whole = [cycle for cycle in cycles if cycle["complete"]]
+    whole = [cycle for cycle in cycles if cycle.complete]
     name = ratio_name(condition)
     return {
         "format": FORMAT,
@@ -65,7 +67,7 @@ def simulation_document(
         "material": None if setup.model.is_rigid else case.wall.material,
         "wall_element": None if setup.model.is_rigid else case.wall.element,
         "ratio_name": name,
-        name: whole[-1]["ratio"] if whole else None,
+        name: whole[-1].ratio if whole else None,
         "measured": case.conditions[condition].ffr,
         "failure": outcome.failure,
         "interrupted": outcome.interrupted,
@@ -74,7 +76,7 @@ def simulation_document(
         "alpha": float(setup.outlets.alpha),
         "alpha_origin": setup.outlets.alpha_origin,
         "ports": _ports(setup.model),
-        "cycles": cycles,
+        "cycles": as_json(cycles),
         "wall_shear": _shear(outcome.shear),
         "mesh": _mesh(setup.mesh),
         "solver": _solver(case, setup, outcome),
@@ -85,7 +87,7 @@ def simulation_document(
         "picture_note": drawn.note,
         "sources": case.source,
         "remarks": case.notes,
-        "provenance": provenance,
+        "provenance": as_json(provenance),
         "history": _history(record, setup.model.names),
     }
 
@@ -135,14 +137,14 @@ def _solver(case: Case, setup: Setup, outcome: Outcome) -> dict[str, Any]:
 
 
 def _notes(
-    case: Case, condition: str, setup: Setup, outcome: Outcome, cycles: list[dict[str, Any]]
+    case: Case, condition: str, setup: Setup, outcome: Outcome, cycles: list[CycleMeans]
 ) -> list[dict[str, str]]:
     notes = []
     if outcome.failure:
         notes.append(("warning", outcome.failure))
     if outcome.interrupted:
         notes.append(("warning", "the run was interrupted; the same command goes on with it"))
-    if not any(cycle["complete"] for cycle in cycles):
+    if not any(cycle.complete for cycle in cycles):
         notes.append(
             ("warning", "no cycle is complete: means and ratio are of a part of the first")
         )

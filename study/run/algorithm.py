@@ -13,41 +13,40 @@ Source: Puelz et al. 2024, algorithm 1; step 3 is ours.
 
 import dataclasses
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from calibration import (
     MOST_EXTRA_RUNS,
     RATIO_TOLERANCE,
     LoopFit,
-    RampFit,
-    RampRecord,
     calibrate_in_loop,
 )
+from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import read_series
+from jaxfsi.fields.aortic_site import aortic_site
+from jaxfsi.fields.lumen_sections import lumen_motion
 from study.case.anatomy import MeshAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, SurrogateParameters, require
 from study.run.anatomy_source import case_anatomy, case_mesh, states_of
-from study.run.aortic_site import aortic_site
-from study.run.lumen_motion import lumen_motion
+from study.run.computed_parts import Computed, computed_parts
+from study.run.lumen_parts import MotionPart, motion_part
 from study.run.mesh import mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
 from study.run.patient import LINEAR, QUADRATIC, stress_rules
 from study.run.pipeline import CaseResult, run_case
 from study.run.progress import Progress
-from study.run.ramp import RAMP, RampChoice, fitted, ramp_record
-from study.run.run_3d import Bench, RunChoice, RunName, fsi_run, run_key
+from study.run.ramp import RAMP, FittedRamp, RampChoice, fitted, ramp_record
+from study.run.results import CURVE, LOOP, NOMINAL, PAPER, PlannedRun, Run3D, RunId, calibrated_runs
+from study.run.run_3d import RunChoice, RunContext, fsi_run, run_key
 from study.run.sensitivity import Sensitivity, run_sensitivity
 from study.run.setup import STEP, check_simulation
+from study.store.json_form import as_json, from_json
 from study.store.meshes import mesh_key
 from study.store.result_files import FIELD_FOLDER
-from study.store.stages import Stages, stage_key
-
-PAPER, CURVE, LOOP, NOMINAL = "paper", "curve", "loop", "nominal"
-"""What the α of a run comes from: the linear surrogate, the quadratic one, the correction in 3D, or
-nothing (α = 1, the paper's fixed boundary condition)."""
+from study.store.stages import stage_key
 
 _SECONDS_A_STEP = 0.16
 _COMPILE = 40.0
@@ -79,30 +78,41 @@ class StudyResult:
     """All that a study found.
 
     Attributes:
-        bench: case (its surrogate is the ramp's curve), mesh and folder.
+        case: the case; its surrogate is the curve of the ramp.
+        mesh: its mesh.
         anatomy: the anatomy; None where the case names a finished mesh.
+        folder: where stages and runs are kept.
         choice: how it was made.
-        record: the ramp.
-        fit: its curve.
+        ramp: the ramp and its curve.
         reduced: everything in 0D with that curve.
         loop: the calibration in 3D.
-        runs: the 3D runs, as documents hold them: those at rest first, in order.
-        motion: lumen and wall over a cycle, by name of the run.
-        sensitivities: what moves the ratio of a run, by name of the run.
+        rest: id of the run at rest that it chose.
+        runs: the 3D runs, those at rest first, in order.
+        motion: lumen and wall over a cycle, by id of the run.
+        sensitivities: what moves the ratio of a run, by id of the run.
         failures: why a run has none, by the same.
+        computed: when each part was computed, and by which code.
     """
 
-    bench: Bench
+    case: Case
+    mesh: Mesh
     anatomy: Anatomy | None
+    folder: pathlib.Path
     choice: StudyChoice
-    record: RampRecord
-    fit: RampFit
+    ramp: FittedRamp
     reduced: CaseResult
     loop: LoopFit
-    runs: list[dict[str, Any]]
-    motion: dict[str, dict[str, Any]]
-    sensitivities: dict[str, Sensitivity] = dataclasses.field(default_factory=dict)
-    failures: dict[str, str] = dataclasses.field(default_factory=dict)
+    rest: str
+    runs: list[Run3D]
+    motion: dict[str, MotionPart]
+    sensitivities: dict[str, Sensitivity]
+    failures: dict[str, str]
+    computed: Computed
+
+    @property
+    def calibrated(self) -> list[Run3D]:
+        """Runs with α as calibrated, rest first."""
+        return calibrated_runs(self.runs, self.rest)
 
 
 def check_study(case: Case, choice: StudyChoice) -> None:
@@ -160,26 +170,40 @@ def run_study(
     check_study(case, choice)
     progress = progress or Progress()
     progress.plan(_plan(case, choice))
-    bench, anatomy = open_bench(case, folder, choice.run, progress)
+    context, anatomy = open_context(case, folder, choice.run, progress)
     progress.step(RAMP)
-    record = ramp_record(bench, choice.ramp)
-    fit = fitted(record, choice.ramp)
-    bench = with_curve(bench, float(fit.law.a), float(fit.law.b))
+    ramp = fitted(ramp_record(context, choice.ramp), choice.ramp)
+    context = with_curve(context, float(ramp.fit.law.a), float(ramp.fit.law.b))
     progress.step("calibrating in 0D")
-    reduced = run_case(bench.case)
-    loop, runs = _calibrated(bench, choice, reduced)
-    runs += _stressed(bench, choice, loop, runs)
+    reduced = run_case(context.case)
+    loop, runs = _calibrated(context, choice, reduced)
+    best = runs[loop.best]
+    runs += _stressed(context, choice, best)
+    shown = calibrated_runs(runs, best.id)
     progress.step("measuring the lumen")
-    motion = {} if anatomy is None else _motion(bench, anatomy, _shown(runs, loop))
-    found, failures = _sensitivities(bench, choice, runs, loop)
+    motion = {} if anatomy is None else _motion(context, anatomy, shown)
+    found, failures = _sensitivities(context, choice, shown)
     return StudyResult(
-        bench, anatomy, choice, record, fit, reduced, loop, runs, motion, found, failures
+        case=context.case,
+        mesh=context.mesh,
+        anatomy=anatomy,
+        folder=folder,
+        choice=choice,
+        ramp=ramp,
+        reduced=reduced,
+        loop=loop,
+        rest=best.id,
+        runs=runs,
+        motion=motion,
+        sensitivities=found,
+        failures=failures,
+        computed=computed_parts(context, [run.id for run in runs], list(found)),
     )
 
 
-def open_bench(
+def open_context(
     case: Case, folder: pathlib.Path, choice: RunChoice, progress: Progress
-) -> tuple[Bench, Anatomy | None]:
+) -> tuple[RunContext, Anatomy | None]:
     """What all runs of a case share, its mesh made or taken from the cache, and its anatomy.
 
     Args:
@@ -198,14 +222,14 @@ def open_bench(
     anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
     site = aortic_site(mesh, anatomy)
     key = mesh_key(case, state)
-    return Bench(case, mesh, key, folder, choice, progress, site, found.made), anatomy
+    return RunContext(case, mesh, key, folder, choice, progress, site, found.made), anatomy
 
 
-def with_curve(bench: Bench, a: float, b: float) -> Bench:
-    """The bench whose case has a ramp's curve for surrogate, a [dyn·s/cm⁵], b [dyn·s²/cm⁸]."""
-    case = bench.case
+def with_curve(context: RunContext, a: float, b: float) -> RunContext:
+    """The context whose case has a ramp's curve for surrogate, a [dyn·s/cm⁵], b [dyn·s²/cm⁸]."""
+    case = context.case
     curve = SurrogateParameters(R0=a, K=b, C0=case.surrogate.C0, law=QUADRATIC)
-    return dataclasses.replace(bench, case=dataclasses.replace(case, surrogate=curve))
+    return dataclasses.replace(context, case=dataclasses.replace(case, surrogate=curve))
 
 
 def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
@@ -246,36 +270,35 @@ def _stress_names(case: Case, choice: StudyChoice) -> list[tuple[str, str, str]]
     return [(label, name, rule) for name in stresses for rule in rules for label in labels]
 
 
-def _told_run(bench: Bench, name: RunName, before: RunName | None = None) -> dict[str, Any]:
-    bench.progress.step(_step(name.label, name.condition, name.rule))
-    return fsi_run(bench, name, before=before)
+def _told_run(context: RunContext, run: PlannedRun, before: PlannedRun | None = None) -> Run3D:
+    context.progress.step(_step(run.id.label, run.id.condition, run.id.rule))
+    return fsi_run(context, run, before=before)
 
 
 def _calibrated(
-    bench: Bench, choice: StudyChoice, reduced: CaseResult
-) -> tuple[LoopFit, list[dict[str, Any]]]:
+    context: RunContext, choice: StudyChoice, reduced: CaseResult
+) -> tuple[LoopFit, list[Run3D]]:
     """α in 3D: the surrogates' values first, then corrections."""
-    case, patient = bench.case, reduced.patient
+    case, patient = context.case, reduced.patient
     target = case.conditions["rest"].ffr
     assert target is not None, "checked by check_study"
-    labels = {
+    starts = {
         label: reduced.calibrations[law].alpha
         for label, law in ((PAPER, LINEAR), (CURVE, QUADRATIC))
         if law in reduced.calibrations and (label == CURVE or choice.paper)
     }
-    runs: list[dict[str, Any]] = []
+    labels = list(starts)
+    runs: list[Run3D] = []
 
     def run(alpha: float) -> float:
-        known = [label for label, value in labels.items() if value == alpha]
-        corrections = sum(part["label"].startswith(LOOP) for part in runs)
-        label = known[0] if known else f"{LOOP}{corrections + 1}"
-        part = _told_run(bench, RunName(label, "rest", None, alpha))
-        runs.append(part)
-        return _ratio(part)
+        k = len(runs)  # the starts come first, in their order
+        label = labels[k] if k < len(labels) else f"{LOOP}{k - len(labels) + 1}"
+        runs.append(_told_run(context, PlannedRun(RunId(label, "rest"), alpha)))
+        return _ratio(runs[-1])
 
     loop = calibrate_in_loop(
         run,
-        list(labels.values()),
+        list(starts.values()),
         target,
         patient.models[QUADRATIC].surrogate,
         patient.conditions["rest"],
@@ -285,86 +308,68 @@ def _calibrated(
     return loop, runs
 
 
-def _ratio(part: Mapping[str, Any]) -> float:
+def _ratio(run: Run3D) -> float:
     """The ratio of a run.
 
     Raises:
         RuntimeError: the run has no whole cycle.
     """
-    if part["ratio"] is None:
+    if run.ratio is None:
         raise RuntimeError(
-            f"The run {part['label']} at {part['condition']} has no whole cycle, so no ratio. Take"
-            " at least one cycle."
+            f"The run {run.label} at {run.condition} has no whole cycle, so no ratio. Take at least"
+            " one cycle."
         )
-    return part["ratio"]
+    return run.ratio
 
 
-def _stressed(
-    bench: Bench, choice: StudyChoice, loop: LoopFit, rest: Sequence[Mapping[str, Any]]
-) -> list[dict[str, Any]]:
-    """Runs under stress, and those with the nominal outlet."""
-    best = next(part for part in rest if part["alpha"] == loop.alpha)
-    starts = {LOOP: RunName(best["label"], "rest", None, loop.alpha)}
-    alphas = {LOOP: loop.alpha, NOMINAL: 1.0}
-    runs = []
-    if choice.nominal:
-        starts[NOMINAL] = RunName(NOMINAL, "rest", None, 1.0)
-        runs.append(_told_run(bench, starts[NOMINAL]))
-    for label, condition, rule in _stress_names(bench.case, choice):
+def _stressed(context: RunContext, choice: StudyChoice, best: Run3D) -> list[Run3D]:
+    """Runs under stress, and those with the nominal outlet.
+
+    Args:
+        context: see `RunContext`.
+        choice: how the study is made.
+        best: the run at rest whose α is the calibrated one.
+    """
+    nominal = PlannedRun(RunId(NOMINAL, "rest"), 1.0)
+    starts = {LOOP: best.planned, NOMINAL: nominal}
+    runs = [_told_run(context, nominal)] if choice.nominal else []
+    for label, condition, rule in _stress_names(context.case, choice):
         before = starts[label] if choice.run.continued else None
-        runs.append(_told_run(bench, RunName(label, condition, rule, alphas[label]), before))
+        planned = PlannedRun(RunId(label, condition, rule), starts[label].alpha)
+        runs.append(_told_run(context, planned, before))
     return runs
 
 
-def _shown(runs: Sequence[dict[str, Any]], loop: LoopFit) -> list[dict[str, Any]]:
-    """Runs whose fields are looked at: the calibrated ones."""
-    rest = [r for r in runs if r["condition"] == "rest" and r["alpha"] == loop.alpha][:1]
-    return rest + [r for r in runs if r["condition"] != "rest" and r["label"] == LOOP]
-
-
 def _sensitivities(
-    bench: Bench, choice: StudyChoice, runs: Sequence[dict[str, Any]], loop: LoopFit
+    context: RunContext, choice: StudyChoice, runs: Sequence[Run3D]
 ) -> tuple[dict[str, Sensitivity], dict[str, str]]:
     """Derivatives of the calibrated runs that were asked for; why a run has none."""
     found, failures = {}, {}
-    for part in _shown(runs, loop):
-        if part["condition"] not in choice.sensitivities:
+    for run in runs:
+        if run.condition not in choice.sensitivities:
             continue
-        bench.progress.step(f"derivatives: {part['condition']}")
-        name = name_of(part)
+        context.progress.step(f"derivatives: {run.condition}")
         try:
-            found[name.folder] = run_sensitivity(bench, name)
+            found[run.id] = run_sensitivity(context, run.planned)
         except RuntimeError as error:
-            failures[name.folder] = str(error)
+            failures[run.id] = str(error)
     return found, failures
 
 
-def name_of(part: Mapping[str, Any]) -> RunName:
-    """The name of a run as the document holds it."""
-    return RunName(part["label"], part["condition"], part["rule"], part["alpha"])
-
-
-def shown_runs(result: StudyResult) -> list[dict[str, Any]]:
-    """Runs whose fields are looked at: the calibrated ones, rest first."""
-    return _shown(result.runs, result.loop)
-
-
-def _motion(
-    bench: Bench, anatomy: Anatomy, runs: Sequence[Mapping[str, Any]]
-) -> dict[str, dict[str, Any]]:
+def _motion(context: RunContext, anatomy: Anatomy, runs: Sequence[Run3D]) -> dict[str, MotionPart]:
     """Lumen and wall over a cycle of each run."""
-    stages, found = Stages(bench.folder / "stages"), {}
-    for part in runs:
-        folder = bench.folder / part["folder"] / FIELD_FOLDER
-        name = name_of(part)
+    found = {}
+    for run in runs:
+        folder = context.folder / run.folder / FIELD_FOLDER
         frames = len(read_series(folder / "fields.pvd"))
-        key = stage_key("reading", "motion", run_key(bench, name), frames)
+        key = stage_key("reading", "motion", run_key(context, run.planned), frames)
 
-        def compute(folder=folder, period=part["period_s"]) -> Any:
+        def compute(folder=folder, period=run.period_s) -> Any:
             entries = read_series(folder / "fields.pvd")
-            return lumen_motion(folder, entries, bench.mesh, anatomy, period) or {}
+            motion = lumen_motion(folder, entries, context.mesh, anatomy, period)
+            return {} if motion is None else as_json(motion_part(motion))
 
-        motion = stages.value(f"motion-{name.folder}", key, compute)
-        if motion:
-            found[name.folder] = motion
+        stored = context.stages.value(f"motion-{run.id}", key, compute)
+        if stored:
+            found[run.id] = from_json(MotionPart, stored)
     return found

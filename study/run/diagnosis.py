@@ -14,9 +14,10 @@ from study.case.model import read_case
 from study.case.record import record_path
 from study.case.record_tables import R0_SD_LOG
 from study.run.progress import Progress
+from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.options import RecordOptions
-from study.store.provenance import origin
+from study.store.provenance import Provenance, origin
 from study.store.result_files import STUDY_FILE
 from study.store.stored_document import Document, load_document
 
@@ -51,7 +52,7 @@ def diagnose_record(record: Record, richness: str | None, progress: Progress) ->
     return diagnose(stacked([measured(record, richness)]), progress=tell)[0]
 
 
-def plan_record(record: Record, progress: Progress, provenance: Document) -> Document:
+def plan_record(record: Record, progress: Progress, provenance: Provenance) -> Document:
     """What to measure next; with data after a diagnosis, else from the conditions alone."""
     settings = None
     diagnosis = None
@@ -66,7 +67,7 @@ def plan_record(record: Record, progress: Progress, provenance: Document) -> Doc
     return plan_document(record, diagnosis, settings, CATALOGUE, provenance)
 
 
-def record_origin(command: Sequence[str], options: RecordOptions) -> Document:
+def record_origin(command: Sequence[str], options: RecordOptions) -> Provenance:
     """What must be known to compute the result of a record again.
 
     Args:
@@ -163,7 +164,7 @@ def _changed(record: Record, R0: float, how: str, sd_log: float = R0_SD_LOG) -> 
 
 
 def plan_document(
-    record: Record, diagnosis: Diagnosis | None, settings: Any, effects: Any, provenance: Document
+    record: Record, diagnosis: Diagnosis | None, settings: Any, effects: Any, provenance: Provenance
 ) -> Document:
     """What to measure next, and what sets of sensors could show in these conditions."""
     noise = noise_of(record)
@@ -186,5 +187,5 @@ def plan_document(
             for name, row in table.items()
         },
         "noise_sd_mmHg": noise.pressure_sd / MMHG,
-        "provenance": provenance,
+        "provenance": as_json(provenance),
     }

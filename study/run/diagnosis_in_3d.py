@@ -30,7 +30,7 @@ from study.case.model import Case, Condition
 from study.run.driven_beat import Beat, Drive, driven_beat, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress
-from study.run.run_3d import Bench
+from study.run.run_3d import RunContext
 from study.store.folder_lock import at_work
 from study.store.options import DiagnoseOptions
 from study.store.result_files import IN_3D_FOLDER as FOLDER
@@ -90,7 +90,7 @@ def gap_in_3d(
         RuntimeError: a run failed; cause and cure.
         KeyboardInterrupt: the user interrupted one; what was computed is kept.
     """
-    bench = _bench(study, folder / FOLDER)
+    context = _context(study, folder / FOLDER)
     named = diagnosis.judgement.named if diagnosis.judgement.verdict == "named" else ()
     models = {BEFORE: diagnosis.base} | ({AFTER: diagnosis.best} if named else {})
     circuits = {label: circuits_of(diagnosis, fitted) for label, fitted in models.items()}
@@ -101,20 +101,20 @@ def gap_in_3d(
     for k, condition in enumerate(record.conditions):
         if condition.name not in run:
             continue
-        entry = entry_of(bench.case, condition)
-        difference = known_difference(study.document["runs"], entry, study.alpha)
+        entry = entry_of(context.case, condition)
+        difference = known_difference(study.calibrated, entry)
         beats = {}
         for label, of_model in circuits.items():
             progress.step(f"3D: {condition.name}, {label}")
             boundary = boundary_conditions(of_model[k])
             drive = Drive(entry, boundary.bed, boundary.P_ostium, difference)
-            with at_work(bench.folder):
-                beats[label] = driven_beat(bench, f"{condition.name}-{label}", drive)
+            with at_work(context.folder):
+                beats[label] = driven_beat(context, f"{condition.name}-{label}", drive)
         own = {label: of_model[k] for label, of_model in circuits.items()}
         found.append(_compared(diagnosis, condition, k, own, beats))
     effects = [find_effect(diagnosis.effects, name) for name in named]
     return {
-        "study": study.bench.folder.name,
+        "study": study.context.folder.name,
         "named": list(named),
         "already_in_3d": [e.id for e in effects if e.place == "ostium"],
         "at_the_boundary": [e.id for e in effects if e.place not in ("ostium", "sensor")],
@@ -151,14 +151,14 @@ def entry_of(case: Case, condition: RecordedCondition) -> Condition:
     )
 
 
-def _bench(study: FinishedStudy, folder: pathlib.Path) -> Bench:
-    """The study's bench with a folder of its own, and the prestress that the study found."""
+def _context(study: FinishedStudy, folder: pathlib.Path) -> RunContext:
+    """The context of the study with a folder of its own, and the prestress that the study found."""
     stages = folder / "stages"
     stages.mkdir(parents=True, exist_ok=True)
-    for path in (study.bench.folder / "stages").glob("prestress-*.npz"):
+    for path in (study.context.folder / "stages").glob("prestress-*.npz"):
         if not (stages / path.name).exists():
             shutil.copy(path, stages)
-    return dataclasses.replace(study.bench, folder=folder)
+    return dataclasses.replace(study.context, folder=folder)
 
 
 def _compared(

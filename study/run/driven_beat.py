@@ -9,7 +9,7 @@ starts at rest: the first quarter of a beat is run and forgotten, the beat after
 import dataclasses
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -19,6 +19,8 @@ from jaxtyping import Float
 
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.fields import read_series
+from jaxfsi.fields.aortic_site import site_pressures
+from jaxfsi.opening import INLET, distal_name, is_anomalous
 from jaxfsi.simulation import Record
 from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import (
@@ -32,17 +34,17 @@ from lumped import (
     solve_periodic,
 )
 from study.case.model import Condition
-from study.run.aortic_site import site_pressures
 from study.run.case_model import case_model
-from study.run.openings import ANOMALOUS, INLET, distal_name
 from study.run.patient import stress_rules
-from study.run.run_3d import Bench, finished_run
+from study.run.results import Run3D
+from study.run.run_3d import RunContext, finished_run
 from study.run.setup import (
     Setup,
     image_pressure,
     outlets_of,
     plan_steps,
 )
+from study.store.json_form import ABSENT
 from study.store.result_files import FIELD_FOLDER
 from study.store.stages import stage_key
 
@@ -96,11 +98,11 @@ class Beat(NamedTuple):
     difference: Wave
 
 
-def driven_beat(bench: Bench, folder: str, drive: Drive) -> Beat:
+def driven_beat(context: RunContext, folder: str, drive: Drive) -> Beat:
     """The beat of a run in 3D, or what was kept of it.
 
     Args:
-        bench: case, mesh, and the folder where runs and stages are kept.
+        context: case, mesh, and the folder where runs and stages are kept.
         folder: name of the run.
         drive: what drives it.
 
@@ -108,29 +110,31 @@ def driven_beat(bench: Bench, folder: str, drive: Drive) -> Beat:
         RuntimeError: a step failed; cause and cure.
         KeyboardInterrupt: the user interrupted it; the checkpoint is kept.
     """
-    key = drive_key(bench, drive)
+    key = drive_key(context, drive)
 
     def compute() -> dict[str, list[float]]:
-        setup = drive_setup(bench, drive)
-        outcome = finished_run(bench, folder, key, setup)
-        beat = _beat(bench, folder, outcome.record, setup)
+        setup = drive_setup(context, drive)
+        outcome = finished_run(context, folder, key, setup)
+        beat = _beat(context, folder, outcome.record, setup)
         return {name: [float(f"{v:.7g}") for v in wave] for name, wave in beat._asdict().items()}
 
-    stage = stage_key("reading", key, bench.site)
-    kept = bench.stages.value(f"beat-{folder}", stage, compute)
+    stage = stage_key("reading", key, context.site)
+    kept = context.stages.value(f"beat-{folder}", stage, compute)
     return Beat(**{name: np.array(wave) for name, wave in kept.items()})
 
 
-def drive_key(bench: Bench, drive: Drive) -> str:
+def drive_key(context: RunContext, drive: Drive) -> str:
     """Hash of all that a run follows from: the case, the mesh, and what drives it."""
-    case = bench.case
+    case = context.case
     solver = dataclasses.replace(case.solver, n_steps=None, cycles=None)
     entry = dataclasses.replace(drive.entry, ffr=None, ffr_sd=None)
     parts = (case.blood, case.wall, case.coronary, case.surrogate, case.windkessel, case.stress)
     image = float(image_pressure(case, "rest"))
     given = (fingerprint(drive.bed), fingerprint(drive.P_inlet))
-    step = bench.choice.dt
-    return stage_key("driven run", bench.mesh_key, parts, solver, entry, image, given, step, BEATS)
+    step = context.choice.dt
+    return stage_key(
+        "driven run", context.mesh_key, parts, solver, entry, image, given, step, BEATS
+    )
 
 
 def fingerprint(tree: Any) -> str:
@@ -143,18 +147,18 @@ def fingerprint(tree: Any) -> str:
     return digest.hexdigest()[:32]
 
 
-def drive_setup(bench: Bench, drive: Drive) -> Setup:
+def drive_setup(context: RunContext, drive: Drive) -> Setup:
     """Model and start of a run.
 
     Raises:
         RuntimeError: no periodic state of the bed was found.
     """
-    own, mesh, name = bench.case, bench.mesh, drive.entry.name
+    own, mesh, name = context.case, context.mesh, drive.entry.name
     case = dataclasses.replace(own, conditions={**own.conditions, name: drive.entry})
     rule = None if drive.entry.kind == "rest" else stress_rules(case)[case.stress.rule]
     outlets = outlets_of(case, name, mesh, 1.0, rule)
-    anomalous = [opening for opening in mesh.openings if opening.startswith(ANOMALOUS)]
-    start = _start(bench, drive)
+    anomalous = [opening for opening in mesh.openings if is_anomalous(opening)]
+    start = _start(context, drive)
     outlets = dataclasses.replace(
         outlets,
         alpha_origin="in the given bed",
@@ -163,15 +167,15 @@ def drive_setup(bench: Bench, drive: Drive) -> Setup:
     )
     inlet = drive.P_inlet
     ports = outlets.ports(inlet, mesh.openings)
-    model = case_model(case, mesh, ports, image_pressure(own, "rest"), keep=bench.keep)
+    model = case_model(case, mesh, ports, image_pressure(own, "rest"), keep=context.keep)
     state = initial_state(model, p=inlet(0.0), blocks=outlets.starts_of(model.names))
-    plan = plan_steps(case, name, dt=bench.choice.dt, cycles=BEATS)
+    plan = plan_steps(case, name, dt=context.choice.dt, cycles=BEATS)
     return Setup(mesh, model, state, inlet, outlets, plan)
 
 
-def _start(bench: Bench, drive: Drive) -> jax.Array:
+def _start(context: RunContext, drive: Drive) -> jax.Array:
     """Periodic states of the bed behind the surrogate of its artery, at the start of a beat."""
-    known = bench.case.surrogate
+    known = context.case.surrogate
     artery = Vessel(R_viscous=known.R0 or 0.0, C=known.C0, K_stenosis=known.K)
     network = connect(
         {
@@ -185,7 +189,7 @@ def _start(bench: Bench, drive: Drive) -> jax.Array:
     return jnp.stack([solution.state("bed", name)[0] for name in names])
 
 
-def _beat(bench: Bench, folder: str, record: Record, setup: Setup) -> Beat:
+def _beat(context: RunContext, folder: str, record: Record, setup: Setup) -> Beat:
     names, period = setup.model.names, setup.schedule.period
     end = setup.schedule.n_steps * setup.schedule.dt
     t = end - np.mod(end / period - PHASES, 1.0) * period
@@ -193,11 +197,11 @@ def _beat(bench: Bench, folder: str, record: Record, setup: Setup) -> Beat:
     assert distal is not None, "checked by check_openings"
     P_inlet = port_pressure(record, names, INLET) / MMHG
     difference = np.zeros(PHASES.size)
-    frames = bench.run_folder(folder) / FIELD_FOLDER
+    frames = context.run_folder(folder) / FIELD_FOLDER
     entries = [e for e in read_series(frames / "fields.pvd") if e.t > 0.0]
-    if bench.site is not None and entries:
+    if context.site is not None and entries:
         seen = np.array([e.t for e in entries])
-        there = site_pressures(frames, entries, bench.site)
+        there = site_pressures(frames, entries, context.site)
         difference = np.interp(t, seen, there - np.interp(seen, record.t, P_inlet))
     return Beat(
         np.interp(t, record.t, P_inlet) + difference,
@@ -207,26 +211,25 @@ def _beat(bench: Bench, folder: str, record: Record, setup: Setup) -> Beat:
     )
 
 
-def known_difference(runs: Sequence[Mapping[str, Any]], entry: Condition, alpha: float) -> Wave:
+def known_difference(runs: Sequence[Run3D], entry: Condition) -> Wave:
     """Pressure at the ostium over that at the inlet, as a study's runs have shown it [mmHg].
 
     Of the calibrated run in the same condition, else of the one of the same kind whose period is
     nearest; zero where no run shows it.
 
     Args:
-        runs: of the document of a study.
+        runs: those of a study with α as calibrated.
         entry: the condition.
-        alpha: α as calibrated.
     """
-    calibrated = [r for r in runs if r["alpha"] == alpha and "P_site_mmHg" in r["history"]]
-    alike = [r for r in calibrated if (r["condition"] == "rest") == (entry.kind == "rest")]
+    read = [r for r in runs if r.history.P_site_mmHg is not ABSENT]
+    alike = [r for r in read if r.is_rest == (entry.kind == "rest")]
     if not alike:
         return np.zeros(PHASES.size)
-    same = [r for r in alike if r["condition"] == entry.name]
-    nearest = min(same or alike, key=lambda r: abs(math.log(r["period_s"] / entry.period)))
-    history, period = nearest["history"], nearest["period_s"]
-    t = np.array(history["t_site_s"])
-    inlet = np.interp(t, history["t_s"], history["P_aorta_mmHg"])
+    same = [r for r in alike if r.condition == entry.name]
+    nearest = min(same or alike, key=lambda r: abs(math.log(r.period_s / entry.period)))
+    history, period = nearest.history, nearest.period_s
+    t = np.array(history.t_site_s)
+    inlet = np.interp(t, history.t_s, history.P_aorta_mmHg)
     late = t > t[-1] - period * (1.0 - 1e-9)
-    difference = np.array(history["P_site_mmHg"]) - inlet
+    difference = np.array(history.P_site_mmHg) - inlet
     return np.interp(PHASES * period, t[late] % period, difference[late], period=period)

@@ -6,10 +6,12 @@ from typing import Any, NamedTuple
 
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, read_case
-from study.run.algorithm import check_study, open_bench, with_curve
+from study.run.algorithm import check_study, open_context, with_curve
 from study.run.progress import Progress
-from study.run.run_3d import Bench
+from study.run.results import Run3D, calibrated_runs
+from study.run.run_3d import RunContext
 from study.run.study_options import study_case, study_choice
+from study.store.json_form import from_json
 from study.store.numerics import decided_by
 from study.store.options import StudyOptions, case_path
 from study.store.provenance import inputs_of
@@ -18,21 +20,52 @@ from study.store.stored_document import load_document, readable
 _AGAIN = "run jaxfsi study again in the same folder: it computes what is no longer valid"
 
 
+class RampCurve(NamedTuple):
+    """Curve of a ramp, ΔP = a Q + b Q|Q| + L dQ/dt.
+
+    Attributes:
+        a: of the curve [dyn·s/cm⁵].
+        b: of the curve [dyn·s²/cm⁸].
+        L: inertance [dyn·s²/cm⁵].
+    """
+
+    a: float
+    b: float
+    L: float
+
+
 class FinishedStudy(NamedTuple):
     """A finished study.
 
     Attributes:
-        bench: what its runs shared; the surrogate of its case is the curve of the ramp.
-        document: what it wrote.
+        context: what its runs shared; the surrogate of its case is the curve of the ramp.
+        ramp: that curve.
+        alpha: α as calibrated in 3D [-].
+        calibrated: its runs with it, rest first.
     """
 
-    bench: Bench
-    document: Mapping[str, Any]
+    context: RunContext
+    ramp: RampCurve
+    alpha: float
+    calibrated: list[Run3D]
 
-    @property
-    def alpha(self) -> float:
-        """α as calibrated in 3D [-]."""
-        return float(self.document["loop"]["alpha"])
+
+class _Stored(NamedTuple):
+    """What is read of the document of a study.
+
+    Attributes:
+        ramp: curve of the ramp.
+        alpha: α as calibrated [-].
+        calibrated: runs with it.
+        options: of its command; None where the document does not hold them.
+        inputs: hash of each input file.
+    """
+
+    ramp: RampCurve
+    alpha: float
+    calibrated: list[Run3D]
+    options: StudyOptions | None
+    inputs: dict[str, str]
 
 
 def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
@@ -49,35 +82,34 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     if document.get("kind") != "study":
         cure = "give the folder of a finished jaxfsi study"
         raise CaseError([Fault(place, "", None, "this is no study", "", cure)])
-    readable(place, document, lambda: _needed(document))
-    options = _options(place, document)
-    case = study_case(read_case(case_path(options)), options)
-    _check_unchanged(case, document)
-    _check_numerics(place, document)
-    choice = study_choice(case, options)
-    check_study(case, choice)
-    folder = place.parent if place.suffix == ".json" else place
-    bench, _ = open_bench(case, folder, choice.run, progress)
-    ramp = document["ramp"]
-    return FinishedStudy(with_curve(bench, float(ramp["a"]), float(ramp["b"])), document)
-
-
-def _needed(document: Mapping[str, Any]) -> None:
-    """Read all that is gone on from, so that damage is found here."""
-    _ = [float(document["ramp"][name]) for name in "ab"], float(document["loop"]["alpha"])
-    provenance = document["provenance"]
-    _ = {entry["file"]: entry["sha256"] for entry in provenance["inputs"]}
-    if provenance.get("options") is not None:
-        StudyOptions.read(provenance["options"])
-
-
-def _options(place: pathlib.Path, document: Mapping[str, Any]) -> StudyOptions:
-    """Options of the command that made it."""
-    stored = document["provenance"].get("options")
-    if stored is None:
+    stored = readable(place, document, lambda: _read(document))
+    if stored.options is None:
         problem = "an earlier version of jaxfsi made it, which did not store its options"
         raise CaseError([Fault(place, "", None, problem, "", _AGAIN)])
-    return StudyOptions.read(stored)
+    case = study_case(read_case(case_path(stored.options)), stored.options)
+    _check_unchanged(case, stored.inputs)
+    _check_numerics(place, document)
+    choice = study_choice(case, stored.options)
+    check_study(case, choice)
+    folder = place.parent if place.suffix == ".json" else place
+    context, _ = open_context(case, folder, choice.run, progress)
+    context = with_curve(context, stored.ramp.a, stored.ramp.b)
+    return FinishedStudy(context, stored.ramp, stored.alpha, stored.calibrated)
+
+
+def _read(document: Mapping[str, Any]) -> _Stored:
+    """Read all that is gone on from, so that damage is found here."""
+    ramp = RampCurve(*(float(document["ramp"][name]) for name in ("a", "b", "inertance")))
+    runs = [from_json(Run3D, run) for run in document["runs"]]
+    origin = document["provenance"]
+    options = origin.get("options")
+    return _Stored(
+        ramp,
+        float(document["loop"]["alpha"]),
+        calibrated_runs(runs, str(document["loop"]["run"])),
+        None if options is None else StudyOptions.read(options),
+        {str(entry["file"]): str(entry["sha256"]) for entry in origin["inputs"]},
+    )
 
 
 def _check_numerics(place: pathlib.Path, document: Mapping[str, Any]) -> None:
@@ -87,10 +119,9 @@ def _check_numerics(place: pathlib.Path, document: Mapping[str, Any]) -> None:
         raise CaseError([Fault(place, "", None, problem, "", _AGAIN)])
 
 
-def _check_unchanged(case: Case, document: Mapping[str, Any]) -> None:
+def _check_unchanged(case: Case, then: Mapping[str, str]) -> None:
     """Refuse a case that is not the one of the study."""
-    now = {f["file"]: f["sha256"] for f in inputs_of(case)}
-    then = {f["file"]: f["sha256"] for f in document["provenance"]["inputs"]}
+    now = {f.file: f.sha256 for f in inputs_of(case)}
     changed = sorted(name for name in now.keys() | then.keys() if now.get(name) != then.get(name))
     if changed:
         problem = f"changed since the study: {', '.join(changed)}"

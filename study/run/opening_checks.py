@@ -3,10 +3,10 @@
 import numpy as np
 
 from jaxfsi import Mesh, Region
+from jaxfsi.opening import INLET, OUTLET, SEGMENT_INLET, is_segment
 from study.case.anatomy import MeshAnatomy, SurfaceAnatomy
 from study.case.faults import CaseError, Fault, shown_key
 from study.case.model import Case
-from study.run.openings import INLET, OUTLET, SEGMENT_INLET, is_segment
 
 _ENDS = (
     f"{INLET}, {OUTLET} and a coronary outlet, or of a vessel without the aorta {SEGMENT_INLET}"

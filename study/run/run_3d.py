@@ -8,26 +8,27 @@ from and by which code they were begun; what the study needs of it is kept as a 
 import dataclasses
 import json
 import pathlib
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from jaxfsi import Mesh
 from jaxfsi.core.step.state import State
 from jaxfsi.fields import read_series
+from jaxfsi.fields.aortic_site import cycle_offsets, site_pressures
+from jaxfsi.opening import INLET, distal_name, is_anomalous
 from jaxfsi.simulation import Record
-from jaxfsi.simulation.record import port_flow, port_pressure
+from jaxfsi.simulation.cycles import cycle_means, inlet_of, waveforms
 from jaxfsi.text_files import regular_text
-from lumped import ML_PER_MIN, MMHG
+from lumped import MMHG
 from lumped.whole_files import write_whole
 from study.case.model import Case
-from study.run.aortic_site import cycle_offsets, site_pressures
-from study.run.cycles import cycle_means
-from study.run.openings import ANOMALOUS, INLET, distal_name, inlet_of
 from study.run.progress import Progress
+from study.run.results import PlannedRun, Run3D, RunCycle, RunHistory, stored_run
 from study.run.setup import Setup, plan_steps, prepare_simulation
 from study.run.simulation import Outcome, run_simulation
 from study.store.earlier_run import clear_run
+from study.store.json_form import as_json
 from study.store.provenance import made_now, now
 from study.store.result_files import FIELD_FOLDER, RUN_FOLDER, STAGE_FOLDER
 from study.store.stages import Stages, stage_key
@@ -52,30 +53,9 @@ class RunChoice:
     continued: bool = False
 
 
-class RunName(NamedTuple):
-    """Which run.
-
-    Attributes:
-        label: begins the name of its folder: what its α is, or which trial.
-        condition: name of the condition.
-        rule: stress rule; None at rest.
-        alpha: scale of the resistances of the anomalous outlet.
-    """
-
-    label: str
-    condition: str
-    rule: str | None
-    alpha: float
-
-    @property
-    def folder(self) -> str:
-        """Name of its folder."""
-        return "-".join(part for part in (self.label, self.condition, self.rule) if part)
-
-
 @dataclasses.dataclass(frozen=True)
-class Bench:
-    """What all runs of a patient share.
+class RunContext:
+    """What all runs of a patient in 3D share.
 
     Attributes:
         case: the case; its surrogate is the curve of the ramp once that is known.
@@ -84,7 +64,8 @@ class Bench:
         folder: of the study.
         choice: how runs are made.
         progress: told of each.
-        site: nodes where the aortic pressure is read (`study.run.aortic_site`); None: at the inlet.
+        site: nodes where the aortic pressure is read, see `jaxfsi.fields.aortic_site`; None: at
+            the inlet.
         mesh_made: when and by which code the mesh was made.
         begun: when the command that is at work began.
     """
@@ -133,79 +114,79 @@ class Bench:
             return None
 
 
-def run_key(bench: Bench, name: RunName, before: RunName | None = None) -> str:
+def run_key(context: RunContext, run: PlannedRun, before: PlannedRun | None = None) -> str:
     """Hash of all that a run follows from.
 
     Args:
-        bench: see `Bench`.
-        name: the run.
+        context: see `RunContext`.
+        run: which run.
         before: the run that it goes on from, if any.
     """
-    case = bench.case
+    case = context.case
     rest = case.conditions.get("rest")
-    entry = case.conditions[name.condition]
+    entry = case.conditions[run.id.condition]
     solver = dataclasses.replace(case.solver, n_steps=None)
     blocks = (case.blood, case.wall, case.coronary, case.surrogate, case.windkessel, solver)
-    factors = case.stress.factors if name.rule == "factors" else None
+    factors = case.stress.factors if run.id.rule == "factors" else None
     conditions = tuple(
         None if c is None else dataclasses.replace(c, ffr=None, ffr_sd=None) for c in (rest, entry)
     )
-    own = (bench.mesh_key, blocks, conditions, name.condition, name.rule, factors, name.alpha)
-    earlier = None if before is None else run_key(bench, before)
-    choice = dataclasses.replace(bench.choice, continued=False)
+    condition, rule = run.id.condition, run.id.rule
+    own = (context.mesh_key, blocks, conditions, condition, rule, factors, run.alpha)
+    earlier = None if before is None else run_key(context, before)
+    choice = dataclasses.replace(context.choice, continued=False)
     return stage_key("run", own, choice, earlier)
 
 
-def fsi_run(bench: Bench, name: RunName, *, before: RunName | None = None) -> dict[str, Any]:
+def fsi_run(context: RunContext, run: PlannedRun, *, before: PlannedRun | None = None) -> Run3D:
     """A run in 3D, or what was kept of it.
 
     Args:
-        bench: see `Bench`.
-        name: the run.
+        context: see `RunContext`.
+        run: which run.
         before: a run at rest whose end it starts from; None: its own periodic state in 0D.
-
-    Returns:
-        `ratio` of the last whole cycle, `cycles`, `drift_mmHg`, `blocks`, `history` and how the
-        solver did, as the document holds them.
 
     Raises:
         RuntimeError: a step failed; cause and cure.
         KeyboardInterrupt: the user interrupted it; the checkpoint is kept.
     """
-    key = run_key(bench, name, before)
+    key, name = run_key(context, run, before), run.id.name
 
     def compute() -> dict[str, Any]:
-        setup = setup_of(bench, name)
+        setup = setup_of(context, run)
         if before is not None:
-            setup = dataclasses.replace(setup, state=_continued(bench, before, setup))
-        return run_part(bench, setup, finished_run(bench, name.folder, key, setup), name)
+            setup = dataclasses.replace(setup, state=_continued(context, before, setup))
+        outcome = finished_run(context, name, key, setup)
+        return as_json(run_result(context, setup, outcome, run))
 
-    return bench.stages.value(f"run-{name.folder}", stage_key("reading", key, bench.site), compute)
+    stage = stage_key("reading", key, context.site)
+    return stored_run(context.stages.value(f"run-{name}", stage, compute), run)
 
 
-def setup_of(bench: Bench, name: RunName) -> Setup:
+def setup_of(context: RunContext, run: PlannedRun) -> Setup:
     """Model and start of a run."""
-    case = bench.case
-    if name.rule is not None:
-        case = dataclasses.replace(case, stress=dataclasses.replace(case.stress, rule=name.rule))
-    plan = plan_steps(case, name.condition, dt=bench.choice.dt, cycles=float(bench.choice.cycles))
+    case = context.case
+    condition, rule = run.id.condition, run.id.rule
+    if rule is not None:
+        case = dataclasses.replace(case, stress=dataclasses.replace(case.stress, rule=rule))
+    plan = plan_steps(case, condition, dt=context.choice.dt, cycles=float(context.choice.cycles))
     return prepare_simulation(
-        case, bench.mesh, name.condition, plan, alpha=name.alpha, keep=bench.keep
+        case, context.mesh, condition, plan, alpha=run.alpha, keep=context.keep
     )
 
 
-def finished_run(bench: Bench, folder: str, key: str, setup: Setup) -> Outcome:
+def finished_run(context: RunContext, folder: str, key: str, setup: Setup) -> Outcome:
     """A run that went to its end.
 
     Raises:
         RuntimeError: a step failed.
         KeyboardInterrupt: the user interrupted it.
     """
-    place = bench.prepared(key, folder)
-    outcome = run_simulation(bench.case, setup, place, bench.progress)
+    place = context.prepared(key, folder)
+    outcome = run_simulation(context.case, setup, place, context.progress)
     if outcome.interrupted:
         raise KeyboardInterrupt(
-            f"interrupted in the run {folder}; what was computed is in {bench.folder}. "
+            f"interrupted in the run {folder}; what was computed is in {context.folder}. "
             "Give the same command again to go on."
         )
     if outcome.failure:
@@ -216,14 +197,14 @@ def finished_run(bench: Bench, folder: str, key: str, setup: Setup) -> Outcome:
     return outcome
 
 
-def _continued(bench: Bench, before: RunName, setup: Setup) -> State:
+def _continued(context: RunContext, before: PlannedRun, setup: Setup) -> State:
     """The end of a run at rest as the start of one under stress: pressures are continuous.
 
     The state of an intramyocardial node counts from the ventricular pressure, which may differ
     between the two at the start of a cycle.
     """
-    rest = setup_of(bench, before)
-    end = finished_run(bench, before.folder, run_key(bench, before), rest).state
+    rest = setup_of(context, before)
+    end = finished_run(context, before.id.name, run_key(context, before), rest).state
     assert end is not None
     start = setup.state
     blocks = []
@@ -233,56 +214,58 @@ def _continued(bench: Bench, before: RunName, setup: Setup) -> State:
     return end._replace(t=start.t, blocks=tuple(blocks))
 
 
-def run_part(bench: Bench, setup: Setup, outcome: Outcome, name: RunName) -> dict[str, Any]:
-    """What the document holds of a run."""
+def run_result(context: RunContext, setup: Setup, outcome: Outcome, run: PlannedRun) -> Run3D:
+    """What a run found; ratios are to the aortic pressure at the ostium where that is read."""
     record, names, plan = outcome.record, setup.model.names, setup.schedule
-    cycles = cycle_means(record, names, plan.period)
-    site = _at_site(bench, name, record, names, plan.period, cycles)
-    whole = [cycle for cycle in cycles if cycle["complete"]]
-    ratios = [cycle["ratio"] for cycle in whole]
+    cycles, site = _at_site(context, run, record, names, plan.period)
+    ratios = [cycle.ratio for cycle in cycles if cycle.complete]
+    change = None
+    if len(ratios) > 1 and ratios[-1] is not None and ratios[-2] is not None:
+        change = abs(ratios[-1] - ratios[-2])
     distal = distal_name(names)
     assert distal is not None, "checked by check_study and check_openings"
-    return {
-        **name._asdict(),
-        "ratio": ratios[-1] if ratios else None,
-        "ratios": ratios,
-        "ratio_change": abs(ratios[-1] - ratios[-2]) if len(ratios) > 1 else None,
-        "drift_mmHg": block_drift(setup, outcome.state),
-        "cycles": cycles,
-        "period_s": plan.period,
-        "dt_s": plan.dt,
-        "steps": record.n_steps,
-        "repeated": len(outcome.events),
-        "mean_iterations": float(record.n_linear.mean()),
-        "least_volume": float(record.least_volume.min()),
-        "folder": f"{RUN_FOLDER}/{name.folder}",
-        "history": {**history(record, names, distal), **site},
-    }
+    waves = waveforms(record, names, distal, _MOST_SAMPLES)
+    columns = {name: _rounded(values) for name, values in vars(waves).items()}
+    return Run3D(
+        id=run.id.name,
+        label=run.id.label,
+        condition=run.id.condition,
+        rule=run.id.rule,
+        alpha=run.alpha,
+        ratio=ratios[-1] if ratios else None,
+        ratios=ratios,
+        ratio_change=change,
+        drift_mmHg=block_drift(setup, outcome.state),
+        cycles=cycles,
+        period_s=plan.period,
+        dt_s=plan.dt,
+        steps=record.n_steps,
+        repeated=len(outcome.events),
+        mean_iterations=float(record.n_linear.mean()),
+        least_volume=float(record.least_volume.min()),
+        folder=f"{RUN_FOLDER}/{run.id.name}",
+        history=RunHistory(**columns, **site),
+    )
 
 
 def _at_site(
-    bench: Bench,
-    name: RunName,
-    record: Record,
-    names: tuple[str, ...],
-    period: float,
-    cycles: list[dict[str, Any]],
-) -> dict[str, list[float]]:
-    """Take the ratio of each cycle to the aortic pressure at the site; gives its waveform."""
-    folder = bench.run_folder(name.folder) / FIELD_FOLDER
+    context: RunContext, run: PlannedRun, record: Record, names: tuple[str, ...], period: float
+) -> tuple[list[RunCycle], dict[str, list[float]]]:
+    """Cycles, and the aortic pressure at the ostium where that is read."""
+    cycles = [RunCycle(**vars(cycle)) for cycle in cycle_means(record, names, period)]
+    folder = context.run_folder(run.id.name) / FIELD_FOLDER
     entries = [e for e in read_series(folder / "fields.pvd") if e.t > 0.0]
-    if bench.site is None or not entries:
-        return {}
+    if context.site is None or not entries:
+        return cycles, {}
     t = np.array([e.t for e in entries])
-    P = site_pressures(folder, entries, bench.site)
+    P = site_pressures(folder, entries, context.site)
     offsets = cycle_offsets(t, P - np.interp(t, *inlet_of(record, names)), period, len(cycles))
-    for cycle, offset in zip(cycles, offsets, strict=True):
-        inlet = cycle["ports"][INLET]["mean_P_mmHg"]
-        cycle["site_offset_mmHg"] = offset
-        cycle["ratio_to_inlet"] = cycle["ratio"]
-        if cycle["ratio"] is not None:
-            cycle["ratio"] = cycle["ratio"] * inlet / (inlet + offset)
-    return {"t_site_s": [float(v) for v in t], "P_site_mmHg": [float(f"{v:.7g}") for v in P]}
+    cycles = [c.at_site(offset, INLET) for c, offset in zip(cycles, offsets, strict=True)]
+    return cycles, {"t_site_s": [float(v) for v in t], "P_site_mmHg": _rounded(P)}
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [float(f"{v:.7g}") for v in values]
 
 
 def block_drift(setup: Setup, end: State | None) -> float | None:
@@ -294,18 +277,6 @@ def block_drift(setup: Setup, end: State | None) -> float | None:
         for name, before, after in zip(
             setup.model.names, setup.state.blocks, end.blocks, strict=True
         )
-        if name.startswith(ANOMALOUS) and np.size(after)
+        if is_anomalous(name) and np.size(after)
     ]
     return max(changes, default=0.0) / MMHG
-
-
-def history(record: Record, names: tuple[str, ...], distal: str) -> dict[str, list[float]]:
-    """Pressures of aorta and artery and the flow of the artery, thinned where there are many."""
-    some = slice(None, None, max(1, -(-record.n_steps // _MOST_SAMPLES)))
-    columns = {
-        "t_s": record.t,
-        "P_aorta_mmHg": port_pressure(record, names, INLET) / MMHG,
-        "P_distal_mmHg": port_pressure(record, names, distal) / MMHG,
-        "Q_ml_per_min": port_flow(record, names, distal) / ML_PER_MIN,
-    }
-    return {key: [float(f"{v:.7g}") for v in values[some]] for key, values in columns.items()}

@@ -9,7 +9,7 @@
 
 A segment, a vessel without the aorta, has the aortic pressure at its ``inlet`` and the coronary bed
 times alpha behind its outlets; it needs no cardiac output. Several outlets of one artery share its
-bed (`study.run.outlet_shares`).
+bed (`calibration.outlets`).
 
 Under stress the rule of the case changes all blocks. In series with the Windkessel stands the
 characteristic impedance of the aorta, which sends no wave back; it stays as it is under stress. A
@@ -31,17 +31,17 @@ Source: Puelz et al. 2024, section 2.3.
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any
 
-import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from calibration import (
-    alpha_closed_form,
-    calibrate_alpha,
-    characteristic_impedance,
-    systemic_windkessel,
+from calibration import alpha_closed_form, calibrate_alpha, systemic_windkessel
+from calibration.outlets import (
+    coronary_outlet,
+    network_start,
+    outlet_shares,
+    periodic_start,
+    share_of,
+    with_impedance,
 )
 from jaxfsi import Mesh, Region, submesh
 from jaxfsi.core.ports.block import BlockPort
@@ -49,30 +49,22 @@ from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.opening import OUTLET, inlet_name, is_anomalous, is_segment, opening_area
 from lumped import (
     RCR,
     AbstractElement,
     AorticPressure,
     Coronary,
-    PressureSource,
-    Propagator,
-    Shooting,
     StressRule,
     Surrogate,
     VentricularPressure,
-    connect,
-    scale_resistances,
-    solve_periodic,
 )
-from lumped.network import Network
 from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, Condition
 from study.run.case_model import Keep, case_model
 from study.run.opening_checks import names_segment
-from study.run.openings import ANOMALOUS, OUTLET, inlet_name, is_segment
-from study.run.outlet_shares import opening_area, outlet_shares, share_of
 from study.run.patient import Patient, condition_of, load_patient, stress_rules
 
 STEP = 1.0e-3
@@ -292,17 +284,21 @@ def outlets_of(
     segment = is_segment(mesh.openings)
     if not segment:
         blocks[OUTLET] = _windkessel(case, condition, rule, opening_area(mesh, OUTLET))
-        starts[OUTLET] = _start(inlet, entry.period, blocks[OUTLET])
+        starts[OUTLET] = periodic_start(inlet, entry.period, blocks[OUTLET])
     others = [n for n in mesh.openings if n not in (inlet_name(mesh.openings), OUTLET)]
-    shares = outlet_shares(mesh, [n for n in others if segment or n.startswith(ANOMALOUS)])
+    scaled = [name for name in others if segment or is_anomalous(name)]
+    shares = outlet_shares({name: opening_area(mesh, name) for name in scaled})
+    ventricle = VentricularPressure(entry.P_systolic, entry.period)
+    plain = Coronary(P_im=ventricle, **dataclasses.asdict(case.coronary))
     for name in others:
-        bed = _coronary(case, entry, rule, alpha if name in shares else 1.0)
+        bed = coronary_outlet(plain, ventricle, alpha if name in shares else 1.0, rule)
         blocks[name] = share_of(bed, shares.get(name, 1.0))
         if name in shares and own is not None:  # the states are pressures: alike in every share
             before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=bed)
-            starts[name] = _states(before.network(condition_of(entry), inlet=inlet), entry.period)
+            network = before.network(condition_of(entry), inlet=inlet)
+            starts[name] = network_start(network, entry.period)
         else:
-            starts[name] = _start(inlet, entry.period, bed)
+            starts[name] = periodic_start(inlet, entry.period, bed)
     return Outlets(alpha, origin, blocks, starts)
 
 
@@ -344,34 +340,7 @@ def _windkessel(case: Case, condition: str, rule: StressRule | None, area: float
     stressed = block if rule is None or entry.name == condition else rule(block)
     if case.windkessel.characteristic == "paper":
         return stressed
-    total, wall = stressed.R_distal, case.wall
-    series = characteristic_impedance(
-        area, case.blood.rho_f, wall.E, wall.nu, wall.thickness_per_radius
+    wall = case.wall
+    return with_impedance(
+        stressed, area, case.blood.rho_f, wall.E, wall.nu, wall.thickness_per_radius
     )
-    series = jnp.minimum(series, 0.5 * total)
-    return RCR(R_proximal=series, C=stressed.C, R_distal=total - series)
-
-
-def _coronary(case: Case, entry: Condition, rule: StressRule | None, scale: Parameter) -> Coronary:
-    ventricle = VentricularPressure(entry.P_systolic, entry.period)
-    bed = Coronary(P_im=ventricle, **dataclasses.asdict(case.coronary))
-    bed = scale_resistances(bed, scale)
-    return bed if rule is None else eqx.tree_at(lambda b: b.P_im, rule(bed), ventricle)
-
-
-def _start(
-    inlet: AbstractWaveform, period: float, block: AbstractElement
-) -> Float[Array, " states"]:
-    """Periodic states of a block directly behind the aortic pressure, at the start of a cycle."""
-    parts: dict[str, Any] = {
-        "inlet": (PressureSource(inlet), "aorta"),
-        "coronary": (block, "aorta"),
-    }
-    return _states(connect(parts), period)
-
-
-def _states(network: Network, period: float) -> Float[Array, " states"]:
-    solver = Propagator() if network.is_linear else Shooting()
-    solution = solve_periodic(network, period, solver)
-    names = network["coronary"].state_names
-    return jnp.array([solution.state("coronary", name)[0] for name in names], float)

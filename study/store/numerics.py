@@ -61,21 +61,22 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "0D": (
         "lumped/*", "calibration/systemic.py", "calibration/reduced_law.py",
+        "calibration/outlets.py",
         "study/run/patient.py", "study/report/readings.py",
     ),
     "march": (
         "jaxfsi/core/*", "jaxfsi/fields/*", "jaxfsi/simulation/*", "study/run/driven_beat.py",
         "study/run/case_model.py", "study/run/run_3d.py", "study/run/ramp.py",
-        "study/run/outlet_shares.py", "study/run/setup.py", "study/run/simulation.py",
+        "study/run/setup.py", "study/run/simulation.py",
     ),
     "reading": (
-        "jaxfsi/fields/*", "study/run/aortic_site.py", "study/run/driven_beat.py",
-        "study/run/run_3d.py", "study/run/lumen_motion.py", "study/run/openings.py",
-        "study/run/ramp.py", "study/report/simulation_pictures.py",
-        "study/report/simulation_results.py", "study/run/cycles.py",
+        "jaxfsi/fields/*", "jaxfsi/opening.py", "jaxfsi/simulation/cycles.py",
+        "study/run/driven_beat.py", "study/run/lumen_parts.py", "study/run/ramp.py",
+        "study/run/results.py", "study/run/run_3d.py", "study/report/simulation_pictures.py",
+        "study/report/simulation_results.py",
     ),
     "derivatives": (
-        "calibration/lumen_shape.py", "calibration/ratio_gradient.py", "study/run/sensitivity.py",
+        "jaxfsi/adjoint/*", "study/run/sensitivity.py",
     ),
     "calibration": ("calibration/*",),
     "diagnosis": (
@@ -103,11 +104,12 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/cli/*",
     "study/report/*_figures.py", "study/report/*_report.py", "study/report/agreement.py",
     "study/report/cohort_results.py", "study/report/diagnosis_*", "study/report/figures.py",
-    "study/report/sweep_figure.py", "study/report/kept_parts.py", "study/report/mesh_results.py",
+    "study/report/sweep_figure.py", "study/report/documents/*", "study/report/mesh_results.py",
     "study/report/number_formats.py", "study/report/page.py",
     "study/report/simulation_rendering.py", "study/report/stored_page.py",
     "study/report/style.py", "study/report/summary.py",
-    "study/run/cohort.py", "study/run/finished_study.py", "study/run/members.py",
+    "study/run/cohort.py", "study/run/computed_parts.py", "study/run/finished_study.py",
+    "study/run/members.py",
     "study/run/opening_checks.py", "study/run/progress.py",
     "study/store/*",
 )  # fmt: skip

@@ -87,7 +87,8 @@ def _read(value: Any, field: dataclasses.Field[Any]) -> Any:
         if not isinstance(value, str):
             raise TypeError(f"{value!r} is not the path of a file")
         return pathlib.Path(value)
-    return tuple(value) if isinstance(value, list) else value
+    value = tuple(value) if isinstance(value, list) else value
+    return field.metadata.get("read", lambda known: known)(value)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -134,12 +135,9 @@ class SweepOptions(CaseOptions):
         rule: stress rule; None: that of the case.
     """
 
-    alpha: AlphaRange
+    alpha: AlphaRange = dataclasses.field(metadata={"read": AlphaRange._make})
     condition: str = "rest"
     rule: str | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "alpha", AlphaRange(*self.alpha))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

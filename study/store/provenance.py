@@ -1,5 +1,6 @@
 """Where a result comes from: inputs by hash, versions, command, machine, commit, date."""
 
+import dataclasses
 import datetime
 import functools
 import hashlib
@@ -22,7 +23,45 @@ PACKAGES = (
 """Packages whose versions can move a number."""
 
 
-def provenance(case: Case, command: Sequence[str], options: Options) -> dict[str, Any]:
+@dataclasses.dataclass(frozen=True)
+class InputFile:
+    """A file that a result follows from.
+
+    Attributes:
+        file: its name, relative to the folder of the case or record where it lies below that.
+        sha256: hash of its content.
+        bytes: its size.
+    """
+
+    file: str
+    sha256: str
+    bytes: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Provenance:
+    """What must be known to compute a result again.
+
+    Attributes:
+        inputs: the input files.
+        command: the command line.
+        options: of the command, see `study.store.options`.
+        date: when.
+        versions: of Python and packages; None: not installed.
+        platform: system, machine and number of cores.
+        commit: of the checkout; None for an installed package.
+    """
+
+    inputs: list[InputFile]
+    command: list[str]
+    options: dict[str, Any]
+    date: str
+    versions: dict[str, str | None]
+    platform: str
+    commit: str | None
+
+
+def provenance(case: Case, command: Sequence[str], options: Options) -> Provenance:
     """What must be known to compute a result again.
 
     Args:
@@ -35,7 +74,7 @@ def provenance(case: Case, command: Sequence[str], options: Options) -> dict[str
 
 def origin(
     files: Sequence[pathlib.Path], folder: pathlib.Path, command: Sequence[str], options: Options
-) -> dict[str, Any]:
+) -> Provenance:
     """What must be known to compute a result from some files again.
 
     Args:
@@ -44,18 +83,29 @@ def origin(
         command: the command as it was given.
         options: of the command.
     """
-    return {
-        "inputs": [_input(path, folder) for path in files],
-        "command": list(command),
-        "options": options.stored(),
-        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        "versions": versions(),
-        "platform": f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
-        "commit": commit(),
-    }
+    return made_by([_input(path, folder) for path in files], command, options)
 
 
-def inputs_of(case: Case) -> list[dict[str, Any]]:
+def made_by(inputs: list[InputFile], command: Sequence[str], options: Options) -> Provenance:
+    """Where a result of some inputs comes from that is made now.
+
+    Args:
+        inputs: the inputs.
+        command: the command as it was given.
+        options: of the command.
+    """
+    return Provenance(
+        inputs=inputs,
+        command=list(command),
+        options=options.stored(),
+        date=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        versions=versions(),
+        platform=f"{platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
+        commit=commit(),
+    )
+
+
+def inputs_of(case: Case) -> list[InputFile]:
     """Name, hash and size of the case file and of every file that it names."""
     return [_input(path, case.path.parent) for path in input_files(case)]
 
@@ -141,10 +191,10 @@ def _git(folder: pathlib.Path, *arguments: str) -> str | None:
     return done.stdout.strip()
 
 
-def _input(path: pathlib.Path, folder: pathlib.Path) -> dict[str, Any]:
+def _input(path: pathlib.Path, folder: pathlib.Path) -> InputFile:
     inside = path.is_relative_to(folder)
     name = path.relative_to(folder).as_posix() if inside else path.name
-    return {"file": name, "sha256": sha256(path), "bytes": path.stat().st_size}
+    return InputFile(name, sha256(path), path.stat().st_size)
 
 
 def versions() -> dict[str, str | None]:

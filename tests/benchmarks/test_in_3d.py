@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-import study.run.run_3d as fsi_bench
+import study.run.run_3d as run_3d
 from benchmarks.blind import in_3d
 from benchmarks.blind.cases import unseal
 from benchmarks.blind.score_3d import table
@@ -15,8 +15,8 @@ from lumped import MMHG
 from study import read_case
 from study.case.model import WallParameters
 from study.case.record import read_record
-from study.run.algorithm import open_bench
-from study.run.finished_study import FinishedStudy
+from study.run.algorithm import open_context
+from study.run.finished_study import FinishedStudy, RampCurve
 from study.run.progress import Progress
 from study.run.run_3d import RunChoice
 from tests.study.quick_march import QuickMarch
@@ -38,14 +38,13 @@ def made(tmp_path_factory):
         wall=WallParameters(prestress="none"),
         conditions={"rest": case.conditions["rest"], "dobutamine": stress},
     )
-    bench, _ = open_bench(case, place / "results", RunChoice(), Progress())
+    context, _ = open_context(case, place / "results", RunChoice(), Progress())
     unit = MMHG
-    ramp = {"a": 0.4 * unit, "b": 0.75 * unit, "inertance": 0.03 * unit}
-    document = {"runs": [], "loop": {"alpha": 0.2}, "ramp": ramp}
+    ramp = RampCurve(0.4 * unit, 0.75 * unit, 0.03 * unit)
     march = QuickMarch(2.0 * unit, 1e-7)
     with jax.numpy_rank_promotion("allow"), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fsi_bench, "run_simulation", march)
-        in_3d.make(place / "t3", FinishedStudy(bench, document), SOME, 3, 0.5)
+        patch.setattr(run_3d, "run_simulation", march)
+        in_3d.make(place / "t3", FinishedStudy(context, ramp, 0.2, []), SOME, 3, 0.5)
     return place / "t3", march.folders
 
 

@@ -13,7 +13,6 @@ from study.report.algorithm_results import study_readings, study_verdict
 from study.report.diagnosis_words import sentence
 from study.report.headline import Reading, chance_at_or_below, headline, headline_numbers, percent
 from study.report.remarks import notes, resistance_words, verdict
-from study.run.algorithm import LOOP
 from study.run.patient import ASSUMED_R0, load_patient
 from study.run.pipeline import run_case
 
@@ -84,9 +83,9 @@ def test_chances_are_no_more_exact_than_they_are():
 
 
 def test_numbers_of_a_headline_are_those_of_its_readings():
-    (entry,) = headline_numbers([own(0.891, 0.009, 0.80)])["readings"]
-    assert entry["z"] == pytest.approx(0.091 / np.hypot(0.009, 0.015), rel=1e-12)
-    assert entry["contradicted"]
+    (entry,) = headline_numbers([own(0.891, 0.009, 0.80)]).readings
+    assert entry.z == pytest.approx(0.091 / np.hypot(0.009, 0.015), rel=1e-12)
+    assert entry.contradicted
 
 
 def case_with(folder, lines="", text=CASE):
@@ -173,11 +172,11 @@ def studied(measured: float | None, rest_ratio: float = 0.91) -> Any:
     )
     ratios = {"all": 0.81, "printed": 0.857}
     return types.SimpleNamespace(
-        bench=types.SimpleNamespace(case=case),
+        case=case,
         choice=types.SimpleNamespace(rules=("printed", "all")),
         loop=types.SimpleNamespace(ratio=rest_ratio, alpha=0.3, reached=rest_ratio == 0.91),
-        runs=[
-            {"condition": "dobutamine", "rule": rule, "label": LOOP, "ratio": ratio}
+        calibrated=[
+            types.SimpleNamespace(condition="dobutamine", rule=rule, ratio=ratio, is_rest=False)
             for rule, ratio in ratios.items()
         ],
         reduced=types.SimpleNamespace(

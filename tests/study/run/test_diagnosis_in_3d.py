@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import study.run.run_3d as fsi_bench
+import study.run.run_3d as run_3d
 from diagnosis import CATALOGUE, Diagnosis, Judgement, find_effect, measured, stacked
 from diagnosis.boundary import boundary_conditions
 from diagnosis.diagnose import row_of
@@ -24,12 +24,14 @@ from lumped import MMHG
 from study import read_case
 from study.case.model import WallParameters
 from study.case.record import record_files
-from study.run.algorithm import open_bench
+from study.run.algorithm import open_context
 from study.run.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d
 from study.run.driven_beat import PHASES, Drive, drive_key, drive_setup, known_difference
-from study.run.finished_study import FinishedStudy, finished_study
+from study.run.finished_study import FinishedStudy, RampCurve, finished_study
 from study.run.progress import Progress
+from study.run.results import Run3D, RunHistory
 from study.run.run_3d import RunChoice
+from study.store.json_form import ABSENT, as_json
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
 from study.store.options import StudyOptions
@@ -54,8 +56,8 @@ def study(tmp_path_factory, tube):
     folder = tmp_path_factory.mktemp("tube")
     case = read_case(tube.write_case(folder))
     case = dataclasses.replace(case, wall=WallParameters(prestress="none"))
-    bench, _ = open_bench(case, folder / "results", RunChoice(), Progress())
-    return FinishedStudy(bench, {"runs": [], "loop": {"alpha": 0.25}})
+    context, _ = open_context(case, folder / "results", RunChoice(), Progress())
+    return FinishedStudy(context, RampCurve(500.0, 1200.0, 0.0), 0.25, [])
 
 
 def drive_of(study, size: float) -> Drive:
@@ -64,22 +66,46 @@ def drive_of(study, size: float) -> Drive:
     case = jax.tree.map(lambda leaf: leaf[0], condition_settings(blank))
     circuit = base_circuit(case, jnp.zeros(OWN))
     boundary = boundary_conditions(apply_effects(circuit, [PUMP], jnp.array([size])))
-    entry = entry_of(study.bench.case, record.conditions[0])
+    entry = entry_of(study.context.case, record.conditions[0])
     return Drive(entry, boundary.bed, boundary.P_ostium, np.zeros(PHASES.size))
 
 
 def test_an_effect_enters_the_key_and_a_size_of_zero_changes_no_bit_of_the_set_up(study):
     plain, *drives = (drive_of(study, size) for size in (0.0, 0.0, 0.3))
-    keys = [drive_key(study.bench, drive) for drive in (plain, *drives)]
+    keys = [drive_key(study.context, drive) for drive in (plain, *drives)]
     assert keys[0] == keys[1] != keys[2]
     later = plain._replace(difference=np.full(PHASES.size, 0.5))
-    assert drive_key(study.bench, later) != keys[0]
-    setups = [drive_setup(study.bench, drive) for drive in (plain, *drives)]
+    assert drive_key(study.context, later) != keys[0]
+    setups = [drive_setup(study.context, drive) for drive in (plain, *drives)]
     structures = {str(jax.tree.structure((s.model, s.state))) for s in setups}
     assert len(structures) == 1  # one compiled step
     leaves = [jax.tree.leaves((s.model, s.state)) for s in setups]
     assert all(np.array_equal(a, b) for a, b in zip(leaves[0], leaves[1], strict=True))
     assert not all(np.array_equal(a, b) for a, b in zip(leaves[0], leaves[2], strict=True))
+
+
+def run_3d_of(history):
+    """A calibrated run at rest that shows these pressures."""
+    numbers = {"ratio": 0.9, "ratios": [0.9], "ratio_change": None, "drift_mmHg": 0.0}
+    steps = {"dt_s": 1e-3, "steps": 800, "repeated": 0, "mean_iterations": 9.0}
+    return Run3D(
+        id="loop1-rest",
+        label="loop1",
+        condition="rest",
+        rule=None,
+        alpha=0.3,
+        **numbers,
+        cycles=[],
+        period_s=0.8,
+        **steps,
+        least_volume=0.5,
+        folder="runs/loop1-rest",
+        history=history,
+    )
+
+
+def history_without_site(history):
+    return dataclasses.replace(history, t_site_s=ABSENT, P_site_mmHg=ABSENT)
 
 
 def test_inlet_takes_what_the_ostium_wants_less_the_difference(study):
@@ -89,12 +115,16 @@ def test_inlet_takes_what_the_ostium_wants_less_the_difference(study):
         "t_site_s": (0.02 * np.arange(1, 41)).tolist(),
         "P_site_mmHg": (81.0 + np.sin(2.0 * np.pi * 0.025 * np.arange(1, 41))).tolist(),
     }
-    run = {"condition": "rest", "alpha": 0.3, "period_s": 0.8, "history": history}
+    history["P_distal_mmHg"] = history["Q_ml_per_min"] = history["t_s"]
+    run = run_3d_of(RunHistory(**history))
     drive = drive_of(study, 0.0)
-    found = known_difference([run], drive.entry, 0.3)
+    found = known_difference([run], drive.entry)
     # 40 frames of a sine, read between them
     np.testing.assert_allclose(found, 1.0 + np.sin(2.0 * np.pi * PHASES), atol=0.01)
-    assert not known_difference([run], drive.entry, 0.4).any()
+    stress = dataclasses.replace(run, condition="exercise")
+    unread = history_without_site(run.history)
+    assert not known_difference([stress], drive.entry).any()
+    assert not known_difference([dataclasses.replace(run, history=unread)], drive.entry).any()
     t = jnp.asarray(PHASES * drive.entry.period)
     wanted = jax.vmap(drive.P_ostium)(t)
     given = jax.vmap(drive._replace(difference=found).P_inlet)(t)
@@ -132,7 +162,7 @@ def test_the_gap_in_3d_is_that_of_the_surrogate_where_3d_is_the_surrogate(
     circuit = circuits_of(found, found.best)[0]
     march = QuickMarch(float(circuit.R0), float(circuit.C0))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fsi_bench, "run_simulation", march)
+        patch.setattr(run_3d, "run_simulation", march)
         some = gap_in_3d(record, found, study, ("dobutamine_high",), tmp_path, Progress())
         part = gap_in_3d(record, found, study, (), tmp_path, Progress())
         again = gap_in_3d(record, found, study, (), tmp_path, Progress())
@@ -158,11 +188,11 @@ def test_a_study_is_opened_again_and_refused_once_its_case_has_changed(tmp_path,
     document = {
         "kind": "study",
         "format": FORMAT,
-        "ramp": {"a": 500.0, "b": 1200.0},
-        "loop": {"alpha": 0.2},
+        "ramp": {"a": 500.0, "b": 1200.0, "inertance": 0.0},
+        "loop": {"alpha": 0.2, "run": "loop1-rest"},
         "runs": [],
         "numerics": decided_by("study"),
-        "provenance": origin(input_files(case), tmp_path, command, options),
+        "provenance": as_json(origin(input_files(case), tmp_path, command, options)),
     }
     (tmp_path / "out").mkdir()
     (tmp_path / "out/study.json").write_text(json.dumps(document))
@@ -179,7 +209,7 @@ def test_a_study_is_opened_again_and_refused_once_its_case_has_changed(tmp_path,
         finished_study(tmp_path / "out", Progress())
     document["provenance"]["options"] = options.stored()
     (tmp_path / "out/study.json").write_text(json.dumps(document))
-    assert (found.bench.case.surrogate.R0, found.bench.case.surrogate.K) == (500.0, 1200.0)
+    assert (found.context.case.surrogate.R0, found.context.case.surrogate.K) == (500.0, 1200.0)
     tube.write_case(tmp_path, systolic=140.0)
     with pytest.raises(ValueError, match=r"changed since the study: case\.toml"):
         finished_study(tmp_path / "out", Progress())

@@ -11,21 +11,22 @@ import pytest
 import skimage.measure
 import trimesh
 
-import study.run.run_3d as fsi_bench
+import study.run.run_3d as run_3d
 from jaxfsi.anatomy import Triangles
 from jaxfsi.anatomy.surfaces.flat_ends import outwards
 from jaxfsi.anatomy.surfaces.triangles import cleaned
 from jaxfsi.mesh_files import write_mesh, write_mesh_complete
+from jaxfsi.opening import distal_name, inlet_name, is_segment
 from jaxfsi.simulation import Record
+from jaxfsi.simulation.cycles import inlet_of
 from lumped import MMHG
 from study.case.anatomy import MeshAnatomy, SurfaceAnatomy, SurfaceCut
 from study.case.model import read_case
 from study.run.anatomy_source import case_mesh
-from study.run.cycles import cycle_means
-from study.run.openings import distal_name, inlet_name, inlet_of, is_segment
 from study.run.progress import Progress
 from study.run.ramp import _columns
-from study.run.run_3d import Bench, RunChoice, RunName
+from study.run.results import PlannedRun, RunId
+from study.run.run_3d import RunChoice, RunContext
 from study.store.meshes import mesh_key
 
 NAMES = ("aorta_inlet", "aorta_outlet", "anomalous_outlet", "normal_outlet")
@@ -60,14 +61,16 @@ def test_published_ratio_does_not_depend_on_the_order_of_ports(order, tube, tmp_
     made, names = record(order)
     inlet = 90.0 + 10.0 * np.sin(2.0 * np.pi * made.t / 0.8)
     entries = [type("Frame", (), {"t": t, "file": ""})() for t in made.t.tolist()]
-    monkeypatch.setattr(fsi_bench, "read_series", lambda path: entries)
-    monkeypatch.setattr(fsi_bench, "site_pressures", lambda *given: inlet - 2.0)
+    monkeypatch.setattr(run_3d, "read_series", lambda path: entries)
+    monkeypatch.setattr(run_3d, "site_pressures", lambda *given: inlet - 2.0)
     case = read_case(tube.write_case(tmp_path))
     mesh = tube.three_openings()
-    bench = Bench(case, mesh, "", tmp_path, RunChoice(), Progress(), np.arange(3))
-    cycles = cycle_means(made, names, 0.8)
-    fsi_bench._at_site(bench, RunName("paper", "rest", None, 1.0), made, names, 0.8, cycles)
-    assert cycles[0]["ratio"] == pytest.approx(77.0 / 88.0)
+    context = RunContext(case, mesh, "", tmp_path, RunChoice(), Progress(), np.arange(3))
+    run = PlannedRun(RunId("paper", "rest"), 1.0)
+    cycles, _ = run_3d._at_site(context, run, made, names, 0.8)
+    assert cycles[0].ratio == pytest.approx(77.0 / 88.0)
+    assert cycles[0].ratio_to_inlet == pytest.approx(77.0 / 90.0)
+    assert cycles[0].site_offset_mmHg == pytest.approx(-2.0)
 
 
 def test_names_tell_inlet_and_artery():

@@ -8,23 +8,24 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.lumen_shape import lumen_spread, lumen_surface, thickness_field
-from calibration.ratio_gradient import advance_part
+from jaxfsi.adjoint.chain_rules import recalibrated
+from jaxfsi.adjoint.lumen_shape import lumen_spread, lumen_surface, thickness_field
+from jaxfsi.adjoint.ratio_gradient import advance_part
 from study import read_case
 from study.case.model import SurrogateParameters
 from study.run.progress import Progress
-from study.run.run_3d import Bench, RunChoice, RunName, setup_of
+from study.run.results import PlannedRun, RunId
+from study.run.run_3d import RunChoice, RunContext, setup_of
 from study.run.sensitivity import (
     boundary_of,
     by_parameters,
     gradient_stepper,
     reading_of,
-    recalibrated,
     swept_gradient,
     under,
 )
 
-NAME = RunName("loop", "exercise", "printed", 0.12)
+NAME = PlannedRun(RunId("loop", "exercise", "printed"), 0.12)
 STEPS = 12
 
 
@@ -35,39 +36,39 @@ def promotion():
 
 
 @pytest.fixture(scope="module")
-def bench(tube, tmp_path_factory):
+def context(tube, tmp_path_factory):
     folder = tmp_path_factory.mktemp("tube")
     case = read_case(tube.write_case(folder))
     solver = dataclasses.replace(case.solver, dt=0.45 / 200, tolerance=1e-5)
     curve = SurrogateParameters(R0=500.0, K=1200.0, law="quadratic")
     case = dataclasses.replace(case, surrogate=curve, solver=solver)
-    return Bench(case, tube.three_openings(), "tube", folder, RunChoice(), Progress())
+    return RunContext(case, tube.three_openings(), "tube", folder, RunChoice(), Progress())
 
 
-def _setup(bench, name=NAME):
-    setup = setup_of(bench, name)
+def _setup(context, name=NAME):
+    setup = setup_of(context, name)
     plan = dataclasses.replace(setup.schedule, n_steps=STEPS, per_cycle=STEPS, per_frame=3)
     return dataclasses.replace(setup, schedule=plan)
 
 
-def _ratio(bench, field=None, name=NAME):
+def _ratio(context, field=None, name=NAME):
     """The ratio of a whole new run, prestress included."""
     if field is not None:
-        mesh = dataclasses.replace(bench.mesh, points=bench.mesh.points + field)
-        bench = dataclasses.replace(bench, mesh=mesh, mesh_key=f"moved {field.sum()}")
-    setup = _setup(bench, name)
+        mesh = dataclasses.replace(context.mesh, points=context.mesh.points + field)
+        context = dataclasses.replace(context, mesh=mesh, mesh_key=f"moved {field.sum()}")
+    setup = _setup(context, name)
     state, sums = setup.state, np.zeros(2)
     for _ in range(STEPS // 6):
-        stepper = gradient_stepper(bench.case, setup)
-        part = advance_part(setup.model, state, stepper, reading_of(setup, bench.site), 6)
+        stepper = gradient_stepper(context.case, setup)
+        part = advance_part(setup.model, state, stepper, reading_of(setup, context.site), 6)
         state, sums = part.state, sums + np.asarray(part.sums)
     return float(sums[1] / sums[0])
 
 
 @pytest.mark.slow
-def test_boundary_is_differentiated_through_its_periodic_state(bench):
+def test_boundary_is_differentiated_through_its_periodic_state(context):
     """Ports and start by alpha, a factor and a pressure, against central differences."""
-    case, setup = bench.case, _setup(bench)
+    case, setup = context.case, _setup(context)
     boundary = jax.tree.map(lambda v: jnp.asarray(v, float), boundary_of(case, NAME))
 
     @eqx.filter_jit
@@ -92,33 +93,36 @@ def test_boundary_is_differentiated_through_its_periodic_state(bench):
 
 
 @pytest.mark.slow  # compiles a chunk in reverse mode, then eight runs: six minutes
-def test_wall_and_lumen_move_the_ratio_as_runs_say(bench):
-    setup = _setup(bench)
-    swept = swept_gradient(bench.case, setup, None)
-    relative, nodes = by_parameters(swept, bench.case, NAME, setup)
-    surface = lumen_surface(bench.mesh)
+def test_wall_and_lumen_move_the_ratio_as_runs_say(context):
+    setup = _setup(context)
+    swept = swept_gradient(context.case, setup, None)
+    relative, nodes = by_parameters(swept, context.case, NAME, setup)
+    surface = lumen_surface(context.mesh)
     bulge = np.exp(-(((surface.points[:, 2] - 1.5) / 0.6) ** 2))[:, None] * surface.normal
-    field = 0.002 * lumen_spread(bench.mesh, surface)(bulge)
-    thicker = 0.01 * thickness_field(bench.mesh, surface)
+    field = 0.002 * lumen_spread(context.mesh, surface)(bulge)
+    thicker = 0.01 * thickness_field(context.mesh, surface)
     for move, slope in ((field, np.sum(nodes * field)), (thicker, np.sum(nodes * thicker))):
-        found = (_ratio(bench, move) - _ratio(bench, -move)) / 2.0
+        found = (_ratio(context, move) - _ratio(context, -move)) / 2.0
         # steps are solved to 1e-5, and the mesh motion's factor is that of the moved mesh
         assert slope == pytest.approx(found, rel=0.02)
     assert relative["thickness"] * swept.ratio == pytest.approx(100.0 * slope, rel=1e-9)
-    wall = bench.case.wall
+    wall = context.case.wall
     stiffer = [
         _ratio(
             dataclasses.replace(
-                bench,
+                context,
                 case=dataclasses.replace(
-                    bench.case, wall=dataclasses.replace(wall, E=wall.E * (1.0 + h))
+                    context.case, wall=dataclasses.replace(wall, E=wall.E * (1.0 + h))
                 ),
             )
         )
         for h in (0.01, -0.01)
     ]
     assert relative["E"] == pytest.approx(np.log(stiffer[0] / stiffer[1]) / 0.02, rel=0.02)
-    more = [_ratio(bench, name=NAME._replace(alpha=NAME.alpha * (1.0 + h))) for h in (0.01, -0.01)]
+    more = [
+        _ratio(context, name=dataclasses.replace(NAME, alpha=NAME.alpha * (1.0 + h)))
+        for h in (0.01, -0.01)
+    ]
     assert relative["alpha"] == pytest.approx(np.log(more[0] / more[1]) / 0.02, rel=0.02)
 
 

@@ -12,7 +12,7 @@ import pytest
 
 import study.cli.algorithm_command as algorithm_command
 import study.run.mesh as mesh_case
-import study.run.run_3d as fsi_bench
+import study.run.run_3d as run_3d
 from calibration import RATIO_TOLERANCE
 from jaxfsi.simulation import Record
 from lumped import MMHG, PressureSource, Shooting, Vessel, connect, solve_periodic
@@ -72,7 +72,7 @@ def march():
     stand_in = _March()
     with jax.numpy_rank_promotion("allow"), pytest.MonkeyPatch.context() as patch:
         patch.setattr(mesh_case, "draw_mesh", lambda mesh, anatomy: ({}, None))
-        patch.setattr(fsi_bench, "run_simulation", stand_in)
+        patch.setattr(run_3d, "run_simulation", stand_in)
         yield stand_in
 
 

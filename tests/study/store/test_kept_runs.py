@@ -2,31 +2,57 @@
 
 import dataclasses
 import importlib.resources
+import json
 import types
 
 import jinja2
 import pytest
 
-import study.run.run_3d as fsi_bench
+import study.run.run_3d as run_3d
 import study.store.numerics as numerics
 from study.case.model import read_case
-from study.report.kept_parts import computed_parts, older_parts
+from study.run.computed_parts import computed_parts, older_parts
 from study.run.progress import Progress
-from study.run.run_3d import Bench, RunChoice, RunName, fsi_run, run_key
+from study.run.results import PlannedRun, Run3D, RunHistory, RunId
+from study.run.run_3d import RunChoice, RunContext, fsi_run, run_key
+from study.store.json_form import as_json
 from study.store.meshes import entry_key, mesh_key
 from study.store.result_files import CHECKPOINT_FILE
 
-NAME = RunName("curve", "rest", None, 0.5)
+RUN = PlannedRun(RunId("curve", "rest"), 0.5)
+
+
+def run_with(ratio):
+    """A run of one step."""
+    numbers = dict.fromkeys(("period_s", "dt_s", "mean_iterations", "least_volume"), 1.0)
+    history = RunHistory([0.1], [90.0], [80.0], [50.0])
+    return Run3D(
+        id=RUN.id.name,
+        label=RUN.id.label,
+        condition=RUN.id.condition,
+        rule=None,
+        alpha=RUN.alpha,
+        ratio=ratio,
+        ratios=[ratio],
+        ratio_change=None,
+        drift_mmHg=None,
+        cycles=[],
+        steps=1,
+        repeated=0,
+        folder="runs/curve-rest",
+        history=history,
+        **numbers,
+    )
 
 
 @pytest.fixture
-def bench(tmp_path, tube):
+def context(tmp_path, tube):
     case = read_case(tube.write_case(tmp_path))
-    return Bench(case, None, "mesh", tmp_path / "out", RunChoice(), Progress())  # pyright: ignore
+    return RunContext(case, None, "mesh", tmp_path / "out", RunChoice(), Progress())  # pyright: ignore
 
 
 @pytest.fixture
-def march(monkeypatch, bench):
+def march(monkeypatch, context):
     """Stands in for the march and for what is read of it; counts both, and is new each time."""
     seen = types.SimpleNamespace(marched=0, went_on=0, read=0)
 
@@ -40,11 +66,11 @@ def march(monkeypatch, bench):
 
     def read(*_):
         seen.read += 1
-        return {"ratio": 1.0 / (1.0 + seen.read)}
+        return run_with(1.0 / (1.0 + seen.read))
 
-    monkeypatch.setattr(fsi_bench, "setup_of", lambda *_: None)
-    monkeypatch.setattr(fsi_bench, "run_simulation", run)
-    monkeypatch.setattr(fsi_bench, "run_part", read)
+    monkeypatch.setattr(run_3d, "setup_of", lambda *_: None)
+    monkeypatch.setattr(run_3d, "run_simulation", run)
+    monkeypatch.setattr(run_3d, "run_result", read)
     return seen
 
 
@@ -54,61 +80,66 @@ def _raised(monkeypatch, *parts):
 
 
 @pytest.mark.parametrize("part", ["march", "0D"])
-def test_ratio_of_other_numerics_is_not_served(bench, march, monkeypatch, part):
-    first = fsi_run(bench, NAME)
-    assert fsi_run(bench, NAME) == first
+def test_ratio_of_other_numerics_is_not_served(context, march, monkeypatch, part):
+    first = fsi_run(context, RUN)
+    assert fsi_run(context, RUN) == first
     _raised(monkeypatch, part)
-    again = fsi_run(bench, NAME)
-    assert again["ratio"] != first["ratio"]
+    again = fsi_run(context, RUN)
+    assert again.ratio != first.ratio
     assert (march.marched, march.went_on) == (2, 0)
 
 
-def test_ratio_of_other_libraries_is_not_served(bench, march, monkeypatch):
-    fsi_run(bench, NAME)
+def test_ratio_of_other_libraries_is_not_served(context, march, monkeypatch):
+    fsi_run(context, RUN)
     real = numerics.library
     monkeypatch.setattr(numerics, "library", lambda name: "0.1" if name == "jax" else real(name))
-    fsi_run(bench, NAME)
+    fsi_run(context, RUN)
     assert (march.marched, march.read) == (2, 2)
 
 
-def test_other_reading_of_a_run_does_not_march_again(bench, march, monkeypatch):
-    fsi_run(bench, NAME)
+def test_other_reading_of_a_run_does_not_march_again(context, march, monkeypatch):
+    fsi_run(context, RUN)
     _raised(monkeypatch, "reading")
-    fsi_run(bench, NAME)
+    fsi_run(context, RUN)
     assert (march.marched, march.went_on, march.read) == (1, 1, 2)
 
 
-def test_numerics_of_other_parts_leave_a_run_as_it_is(bench, march, monkeypatch):
-    fsi_run(bench, NAME)
+def test_numerics_of_other_parts_leave_a_run_as_it_is(context, march, monkeypatch):
+    fsi_run(context, RUN)
     _raised(monkeypatch, "diagnosis", "mesh report", "case", "derivatives", "calibration")
-    fsi_run(bench, NAME)
+    fsi_run(context, RUN)
     assert (march.marched, march.read) == (1, 1)
 
 
-def test_run_of_a_folder_of_an_older_form_is_begun_anew(bench, march):
-    folder = bench.run_folder(NAME.folder)
+def test_run_of_a_folder_of_an_older_form_is_begun_anew(context, march):
+    folder = context.run_folder(RUN.id.name)
     folder.mkdir(parents=True)
     (folder / "inputs.txt").write_text("0123456789abcdef0123456789abcdef")
     (folder / CHECKPOINT_FILE).write_text("old")
-    assert bench.run_begun(NAME.folder) is None
-    fsi_run(bench, NAME)
+    assert context.run_begun(RUN.id.name) is None
+    fsi_run(context, RUN)
     assert (march.marched, march.went_on) == (1, 0)
-    assert bench.run_begun(NAME.folder)["numerics"]["march"] == numerics.version("march")
+    assert context.run_begun(RUN.id.name)["numerics"]["march"] == numerics.version("march")
 
 
-def test_document_tells_when_and_by_which_code_a_run_was_made(bench, march, monkeypatch):
-    fsi_run(bench, NAME)
-    part = computed_parts(bench, [NAME.folder], [])["parts"][-1]
-    assert (part["part"], part["kept"]) == ("curve-rest", False)
-    later = dataclasses.replace(bench, begun="2999-01-01")
+def test_document_tells_when_and_by_which_code_a_run_was_made(context, march, monkeypatch):
+    fsi_run(context, RUN)
+    part = computed_parts(context, [RUN.id.name], []).parts[-1]
+    assert (part.part, part.kept) == ("curve-rest", False)
+    later = dataclasses.replace(context, begun="2999-01-01")
     monkeypatch.setattr("study.store.provenance._commit_at_start", lambda: "newer")
-    found = computed_parts(later, [NAME.folder], [])
-    assert found["parts"][-1]["kept"]
-    assert found["by"]["commit"] == "newer"
+    found = computed_parts(later, [RUN.id.name], [])
+    assert found.parts[-1].kept
+    assert found.by.commit == "newer"
     (told,) = older_parts(found)
     assert told.startswith("curve-rest: computed on 20")
-    assert found["parts"][0] == {**dict.fromkeys(found["parts"][0]), "part": "mesh", "kept": False}
-    page = _provenance_of(found)
+    stored = as_json(found)
+    assert stored["parts"][0] == {
+        **dict.fromkeys(stored["parts"][0]),
+        "part": "mesh",
+        "kept": False,
+    }
+    page = _provenance_of(stored)
     assert ", kept" in page
     assert "2999" not in page
 
@@ -123,16 +154,26 @@ def _provenance_of(computed):
     return template.render(d={"computed": computed})
 
 
-def test_measured_ratio_and_order_of_the_conditions_are_no_input_of_a_run(bench):
-    key, case = run_key(bench, NAME), bench.case
+def test_run_that_an_older_version_kept_without_an_id_is_read(context, march):
+    first = fsi_run(context, RUN)
+    file = context.folder / "stages/run-curve-rest.json"
+    stored = json.loads(file.read_text())
+    del stored["value"]["id"]
+    file.write_text(json.dumps(stored))
+    assert fsi_run(context, RUN) == first
+    assert march.read == 1
+
+
+def test_measured_ratio_and_order_of_the_conditions_are_no_input_of_a_run(context):
+    key, case = run_key(context, RUN), context.case
     rest = dataclasses.replace(case.conditions["rest"], ffr=0.9)
     conditions = dict(reversed([*{**case.conditions, "rest": rest}.items()]))
-    other = dataclasses.replace(bench, case=dataclasses.replace(case, conditions=conditions))
-    assert run_key(other, NAME) == key
+    other = dataclasses.replace(context, case=dataclasses.replace(case, conditions=conditions))
+    assert run_key(other, RUN) == key
 
 
-def test_drawing_a_mesh_in_another_way_leaves_its_runs_valid(bench, monkeypatch):
-    case = bench.case
+def test_drawing_a_mesh_in_another_way_leaves_its_runs_valid(context, monkeypatch):
+    case = context.case
     before = mesh_key(case, "mesh"), entry_key(case, "mesh")
     with monkeypatch.context() as patch:
         _raised(patch, "mesh report")

@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 import study.store.numerics as numerics
-from study.report.kept_parts import older_parts
+from study.run.computed_parts import Code, Computed, ComputedPart, older_parts
 from study.store.numerics_manifest import Manifest, content_digest, read_manifest, write_manifest
 
 SOURCE = b'''"""A law."""
@@ -149,11 +149,11 @@ def test_two_branches_that_raise_a_version_end_with_a_third(manifest):
 def _made(part, kept, **code):
     day = "2026-01-02T10:00:00" if kept else "2026-02-03T10:00:00"
     known = {"version": "0.1.0", "commit": "abc", "libraries": {"jax": "1"}, "numerics": {}}
-    return {"part": part, "kept": kept, "date": day, "begun": day, **known, **code}
+    return ComputedPart(part=part, kept=kept, date=day, begun=day, **{**known, **code})
 
 
 def test_page_says_which_parts_older_code_made():
-    by = {"version": "0.1.0", "commit": "abc", "libraries": {"jax": "1"}, "numerics": {}}
+    by = Code(version="0.1.0", commit="abc", libraries={"jax": "1"}, numerics={})
     parts = [
         _made("mesh", True),
         _made("ramp", True, commit="old"),
@@ -161,7 +161,7 @@ def test_page_says_which_parts_older_code_made():
         _made("loop1-rest", True, libraries={"jax": "0"}),
         _made("loop1-stress", False, commit="fresh"),
     ]
-    told = list(older_parts({"by": by, "parts": parts}))
+    told = list(older_parts(Computed(by, parts)))
     assert len(told) == 2
     assert told[0].startswith(
         "ramp, curve-rest: computed on 2026-01-02 by jaxfsi 0.1.0, commit old"

@@ -10,9 +10,10 @@ import pytest
 
 from study import Progress, demo_case_path, read_case
 from study.store.cache_folder import VARIABLE, cache_folder
-from study.store.options import Options
+from study.store.json_form import as_json, from_json
+from study.store.options import RunOptions
 from study.store.output import OutputRefused, check_folder, write_files
-from study.store.provenance import input_files, provenance
+from study.store.provenance import Provenance, input_files, inputs_of, provenance
 from study.store.stored_document import to_json
 
 
@@ -81,11 +82,11 @@ def copy_of_demo(folder: pathlib.Path) -> pathlib.Path:
 
 def test_hash_of_the_contours_changes_with_them(tmp_path):
     path = copy_of_demo(tmp_path)
-    before = {e["file"]: e["sha256"] for e in provenance(read_case(path), [], Options())["inputs"]}
+    before = {e.file: e.sha256 for e in inputs_of(read_case(path))}
     contours = tmp_path / "rest_diastole_contours.csv"
     text = contours.read_text()
     contours.write_text(text.replace(text[:12], text[:12], 1) + "\n")
-    after = {e["file"]: e["sha256"] for e in provenance(read_case(path), [], Options())["inputs"]}
+    after = {e.file: e.sha256 for e in inputs_of(read_case(path))}
     assert before.keys() == after.keys()
     assert {name for name in before if before[name] != after[name]} == {contours.name}
 
@@ -100,9 +101,12 @@ def test_measured_beats_are_inputs(tmp_path):
 
 
 def test_provenance_is_json():
-    made = provenance(read_case(demo_case_path()), ["jaxfsi", "run"], Options())
-    assert json.loads(to_json(made)) == made
-    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", made["date"])
+    options = RunOptions(demo=True)
+    made = provenance(read_case(demo_case_path()), ["jaxfsi", "run"], options)
+    stored = json.loads(to_json(as_json(made)))
+    assert from_json(Provenance, stored) == made
+    assert RunOptions.read(stored["options"]) == options
+    assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\+00:00", made.date)
 
 
 def test_short_work_shows_no_progress():

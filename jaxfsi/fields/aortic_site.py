@@ -15,11 +15,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
-from jaxfsi.fields import Entry
-from jaxfsi.mesh import Region
-from study.run.lumen_motion import VESSEL, frame_arrays
+from jaxfsi.fields.frame_arrays import frame_arrays
+from jaxfsi.fields.series import Entry
+from jaxfsi.mesh import Mesh, Region
+from jaxfsi.opening import ANOMALOUS
 
 _SHARE = 0.5
 """Way from the ostium to the axis of the aorta."""
@@ -32,9 +32,9 @@ _LEAST_NODES = 6
 
 def aortic_site(mesh: Mesh, anatomy: Anatomy | None) -> Int[np.ndarray, " nodes"] | None:
     """Nodes of the site; None where the anatomy does not tell where ostium and aorta lie."""
-    if anatomy is None or not {VESSEL, "aorta"} <= set(anatomy.centerlines):
+    if anatomy is None or not {ANOMALOUS, "aorta"} <= set(anatomy.centerlines):
         return None
-    ostium = anatomy.centerlines[VESSEL].points[0]
+    ostium = anatomy.centerlines[ANOMALOUS].points[0]
     axis = anatomy.centerlines["aorta"].points
     centre = axis[np.argmin(np.linalg.norm(axis - ostium, axis=1))]
     place = ostium + _SHARE * (centre - ostium)

@@ -30,8 +30,8 @@ import scipy.sparse.linalg as spla
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from jaxfsi import INTERFACE, OUTER_WALL, Mesh, Region
 from jaxfsi.core.elements.assembly import assembled, host_geometry, stiffness
+from jaxfsi.mesh import INTERFACE, OUTER_WALL, Mesh, Region
 
 _LENGTH = 0.1
 """Length ℓ over which a density is smoothed [cm]."""
@@ -186,3 +186,14 @@ def vessel_nodes(
     distance, place = KDTree(axis).query(surface.points)
     away = np.sum((surface.points - axis[place]) * surface.normal, axis=1)
     return (distance < reach) & (away > 0.0)
+
+
+def widening(q: Float[np.ndarray, " nodes"], surface: LumenSurface, chosen: np.ndarray) -> float:
+    """Change of a number when part of the lumen is shifted outwards by 0.1 mm.
+
+    Args:
+        q: density of its derivative, see `density`.
+        surface: the lumen.
+        chosen: nodes of the part.
+    """
+    return float(0.01 * np.sum(q[chosen] * surface.area[chosen]))

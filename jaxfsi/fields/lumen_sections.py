@@ -4,30 +4,24 @@ Each plane is carried along by the wall around it and cuts the deformed interfac
 of the wall is there, and where the lumen is narrowest, comes with it.
 """
 
+import dataclasses
 import pathlib
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from jaxfsi import Mesh, read_ivus_contours
 from jaxfsi.anatomy import Anatomy, centerline_point
 from jaxfsi.anatomy.sections import surface_section
-from jaxfsi.fields import Entry
-from jaxfsi.mesh import INTERFACE, Region
-from jaxfsi.mesh_files.vtk_xml import open_vtk_xml, read_array
-from lumped import MM
-from study.case.anatomy import IvusAnatomy
-from study.case.faults import CaseError, Fault
-from study.case.model import Case
+from jaxfsi.fields.frame_arrays import frame_arrays
+from jaxfsi.fields.series import Entry
+from jaxfsi.mesh import INTERFACE, Mesh, Region
+from jaxfsi.opening import ANOMALOUS
 
-VESSEL = "anomalous"
 _PLACES = 16
 _REACH = 1.3
 """Length of the looked-at course where the anatomy does not say it [cm]."""
-_MM2 = MM**2
-_KPA = 1.0e4  # dyn/cm²
 
 
 class Planes(NamedTuple):
@@ -44,23 +38,12 @@ class Planes(NamedTuple):
     normal: Float[np.ndarray, "places 3"]
 
 
-def frame_arrays(path: pathlib.Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Some arrays of a written frame, by name."""
-    file = open_vtk_xml(path, "UnstructuredGrid")
-    found = {}
-    for element in file.root.iter("DataArray"):
-        name = element.get("Name", "")
-        if name in names:
-            found[name] = read_array(file, element)
-    return found
-
-
 def artery_planes(anatomy: Anatomy, *, n_places: int = _PLACES) -> Planes | None:
     """Planes from the ostium along the intramural course; at the frames where it has contours.
 
     None where the anatomy has no axis of the artery.
     """
-    line = anatomy.centerlines.get(VESSEL)
+    line = anatomy.centerlines.get(ANOMALOUS)
     if line is None:
         return None
     frames = anatomy.meta.get("s_frames")
@@ -96,10 +79,35 @@ def lumen_at(
     return area, minor
 
 
+@dataclasses.dataclass(frozen=True)
+class LumenMotion:
+    """Lumen and wall of an artery over the last cycle of a run.
+
+    Attributes:
+        t: times of the frames from the start of the cycle [s].
+        s: distance of each plane from the ostium [cm].
+        area_image: area of the lumen in the reference shape [cm²].
+        minor_image: its minor axis there [cm].
+        area: area in each frame [cm²]; nan where a plane finds no lumen.
+        minor: minor axis in each frame [cm].
+        narrowest: index of the plane with the least area.
+        von_mises_p99: 99th percentile of the von Mises stress around the planes [dyn/cm²].
+    """
+
+    t: Float[np.ndarray, " frames"]
+    s: Float[np.ndarray, " places"]
+    area_image: Float[np.ndarray, " places"]
+    minor_image: Float[np.ndarray, " places"]
+    area: Float[np.ndarray, "frames places"]
+    minor: Float[np.ndarray, "frames places"]
+    narrowest: int
+    von_mises_p99: Float[np.ndarray, " frames"]
+
+
 def lumen_motion(
     folder: pathlib.Path, entries: Sequence[Entry], mesh: Mesh, anatomy: Anatomy, period: float
-) -> dict[str, Any] | None:
-    """Lumen and wall over the last cycle of a run, as the document holds them.
+) -> LumenMotion | None:
+    """Lumen and wall over the last cycle of a run.
 
     Args:
         folder: of the fields.
@@ -109,7 +117,8 @@ def lumen_motion(
         period: length of a cycle [s].
 
     Returns:
-        None where there is no axis, no wall or no frame.
+        None where there is no axis, no wall or no frame, or where no plane finds the lumen in
+        every frame.
     """
     planes = artery_planes(anatomy)
     solid = mesh.region == Region.SOLID
@@ -126,26 +135,21 @@ def lumen_motion(
         area.append(found[0])
         minor.append(found[1])
         stress.append(float(np.percentile(arrays["von_mises_dyn_per_cm2"][solid][around], 99.0)))
-    areas = np.array(area) / _MM2
+    areas = np.array(area)
     good = np.all(np.isfinite(areas), axis=0)
     if not np.any(good):
         return None
     narrowest = int(np.nanargmin(np.where(good, np.min(areas, axis=0), np.nan)))
-    course = areas[:, narrowest]
-    return {
-        "t_s": [float(e.t - frames[0].t) for e in frames],
-        "s_mm": _numbers(planes.s / MM),
-        "area_image_mm2": _numbers(rest_area / _MM2),
-        "minor_image_mm": _numbers(rest_minor / MM),
-        "area_mm2": [_numbers(row) for row in areas],
-        "minor_mm": [_numbers(row) for row in np.array(minor) / MM],
-        "narrowest": narrowest,
-        "narrowest_s_mm": float(planes.s[narrowest] / MM),
-        "least_area_mm2": float(course.min()),
-        "largest_area_mm2": float(course.max()),
-        "area_change": float(1.0 - course.min() / course.max()),
-        "von_mises_p99_kPa": [value / _KPA for value in stress],
-    }
+    return LumenMotion(
+        t=np.array([e.t - frames[0].t for e in frames]),
+        s=planes.s,
+        area_image=rest_area,
+        minor_image=rest_minor,
+        area=areas,
+        minor=np.array(minor),
+        narrowest=narrowest,
+        von_mises_p99=np.array(stress),
+    )
 
 
 def _around(mesh: Mesh, planes: Planes) -> np.ndarray:
@@ -155,33 +159,4 @@ def _around(mesh: Mesh, planes: Planes) -> np.ndarray:
     found = np.zeros(len(middle), bool)
     for centre in planes.centre:
         found |= np.linalg.norm(middle - centre, axis=1) < reach
-    return found
-
-
-def _numbers(values: np.ndarray) -> list[float | None]:
-    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
-
-
-def measured_states(case: Case) -> dict[str, dict[str, Any]]:
-    """Area and minor axis along the artery of every state that the case has contours of.
-
-    Empty where the anatomy is no ultrasound record.
-
-    Raises:
-        CaseError: contours cannot be read.
-    """
-    if not isinstance(case.anatomy, IvusAnatomy):
-        return {}
-    found = {}
-    for name, state in case.anatomy.states.items():
-        try:
-            lumen = read_ivus_contours(state.contours, frame_table=state.frame_table)
-        except ValueError as error:
-            problem = str(error).removeprefix(f"{state.contours}: ")
-            raise CaseError([Fault(state.contours, "", None, problem, "", "correct it")]) from error
-        found[name] = {
-            "s_mm": _numbers(np.asarray(lumen.s) / MM),
-            "area_mm2": _numbers(np.asarray(lumen.area) / _MM2),
-            "minor_mm": _numbers(np.asarray(lumen.calipers.minor) / MM),
-        }
     return found

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import Anatomy, Centerline
+from jaxfsi.fields.aortic_site import aortic_site, cycle_offsets
 from jaxfsi.mesh import Region
 from jaxfsi.meshing import tube
-from study.run.aortic_site import aortic_site, cycle_offsets
 
 
 def _anatomy(ostium):

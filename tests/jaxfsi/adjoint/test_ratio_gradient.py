@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from calibration.ratio_gradient import Reading, advance_part, ratio_gradient
+from jaxfsi.adjoint.ratio_gradient import Reading, advance_part, ratio_gradient
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.core.step.stepper import prepare
 from jaxfsi.verification.coupled_tube import coupled_mesh, coupled_model

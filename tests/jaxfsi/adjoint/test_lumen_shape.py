@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from calibration.lumen_shape import (
+from jaxfsi import OUTER_WALL, Region, tet_volumes
+from jaxfsi.adjoint.lumen_shape import (
     density,
     lumen_spread,
     lumen_surface,
@@ -11,7 +12,6 @@ from calibration.lumen_shape import (
     thickness_field,
     vessel_nodes,
 )
-from jaxfsi import OUTER_WALL, Region, tet_volumes
 from jaxfsi.meshing import tube
 
 RADIUS, LENGTH, THICKNESS = 0.5, 2.0, 0.1

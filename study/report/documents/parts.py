@@ -1,0 +1,64 @@
+"""Parts that documents of several kinds hold."""
+
+import dataclasses
+from collections.abc import Iterable
+
+
+@dataclasses.dataclass(frozen=True)
+class Note:
+    """A remark on a result.
+
+    Attributes:
+        level: `warning` where a number should not be taken at its face, else `info`.
+        text: the remark.
+    """
+
+    level: str
+    text: str
+
+
+def notes(found: Iterable[tuple[str, str]]) -> list[Note]:
+    """Remarks from their levels and texts."""
+    return [Note(level, text) for level, text in found]
+
+
+@dataclasses.dataclass(frozen=True)
+class HeadlineReading:
+    """FFR of one condition under one reading of the model.
+
+    Attributes:
+        condition: its name.
+        reading: what tells the reading from the others: law, stress rule.
+        ffr: predicted FFR [-].
+        ffr_sd: its standard deviation [-].
+        chance_at_or_below_threshold: chance of the threshold or below [-].
+        measured: measured FFR [-].
+        measured_sd: its standard deviation [-].
+        z: model less measurement, in standard deviations of both [-].
+        contradicted: whether the measurement contradicts the model.
+    """
+
+    condition: str
+    reading: str
+    ffr: float
+    ffr_sd: float
+    chance_at_or_below_threshold: float
+    measured: float | None
+    measured_sd: float | None
+    z: float | None
+    contradicted: bool
+
+
+@dataclasses.dataclass(frozen=True)
+class Headline:
+    """The numbers behind the verdict.
+
+    Attributes:
+        threshold: FFR at or below which an obstruction is held to matter [-].
+        not_included: what the uncertainty leaves out, in words.
+        readings: of every condition and reading of the model.
+    """
+
+    threshold: float
+    not_included: str
+    readings: list[HeadlineReading]

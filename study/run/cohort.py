@@ -14,8 +14,10 @@ import pathlib
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from typing import Any
 
 from jaxfsi.text_files import regular_text
@@ -33,21 +35,10 @@ STATUS_FILE, LOG_FILE = "status.json", "log.txt"
 CORE = "JAXFSI_CORE"
 """Environment variable that tells a child on which core to run."""
 
-_PROGRAM = f"""
-import os, signal, sys, threading
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
-def leave():
-    os.read(0, 1)  # ends with the process that started this one
-    os._exit(130)
-threading.Thread(target=leave, daemon=True).start()
-core = os.environ.get("{CORE}", "")
-if core and hasattr(os, "sched_setaffinity"):
-    os.sched_setaffinity(0, {{int(core)}})
-from study.cli.entry import main
-sys.exit(main())
-"""
+_CHILD = "study.cli.case_process"
 _LOOK_SECONDS = 0.5
 _INTERRUPTS = 30  # a second apart, before what still runs is killed
+_NOT_BEGUN = 130
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,43 +95,83 @@ def run_cohort(
     """
     cores = _cores()
     workers = max(1, workers or len(cores))
-    fates: dict[str, Fate] = {}
-    waiting: list[Member] = []
-    for member in members:
-        known = _finished(member, mode, extra)
-        if known is None:
-            waiting.append(member)
-        else:
-            fates[member.name] = known
-    running: dict[str, tuple[Member, subprocess.Popen[bytes], float, int]] = {}
+    known = {member.name: _finished(member, mode, extra) for member in members}
+    fates = {name: fate for name, fate in known.items() if fate is not None}
+    shared = [cores[k % len(cores)] for k in range(workers)] if workers > 1 else []
+    children = _Children(shared)
     begun, done = time.monotonic(), 0
-    try:
-        while waiting or running:
-            free = [k for k in range(workers) if k not in {slot for *_, slot in running.values()}]
-            while waiting and free:
-                member, slot = waiting.pop(0), free.pop(0)
-                core = cores[slot % len(cores)] if workers > 1 else None
-                running[member.name] = (
-                    member, _started(member, mode, extra, core), time.monotonic(), slot,
-                )  # fmt: skip
-            time.sleep(_LOOK_SECONDS)
-            for name, (member, process, start, _) in list(running.items()):
-                if process.poll() is None:
-                    continue
-                del running[name]
-                _let_go(process)
-                done += 1
-                fates[name] = _ended(member, mode, extra, process.returncode, start)
-            if tell is not None:
-                left = len(waiting) + len(running)
-                spent = time.monotonic() - begun
-                pace = spent / done if done else expected / workers
-                text = f"{len(fates)} of {len(members)} cases done; at work: {', '.join(running)}"
-                tell(text, len(fates) / len(members), _left(pace, left, spent, done))
-    except BaseException:
-        _interrupt([process for _, process, _, _ in running.values()])
-        raise
+    with ThreadPoolExecutor(workers) as pool:
+        waiting = [member for member in members if member.name not in fates]
+        try:
+            pending = {pool.submit(_run, member, mode, extra, children) for member in waiting}
+            while pending:
+                ended, pending = wait(pending, _LOOK_SECONDS, FIRST_COMPLETED)
+                for fate in (future.result() for future in ended):
+                    fates[fate.member.name] = fate
+                done += len(ended)
+                if tell is not None:
+                    spent = time.monotonic() - begun
+                    pace = spent / done if done else expected / workers
+                    text = f"{len(fates)} of {len(members)} cases done; at work: {children.names()}"
+                    tell(text, len(fates) / len(members), _left(pace, len(pending), spent, done))
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            children.end()
+            raise
     return [fates[member.name] for member in members]
+
+
+class _Children:
+    """The processes at work; none begins once they are ended."""
+
+    def __init__(self, cores: Sequence[int]):
+        """Nothing is at work yet.
+
+        Args:
+            cores: one for each process that may be at work, given out in turn; none: any core.
+        """
+        self._lock, self._closed = threading.Lock(), False
+        self._free = list(cores)
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def names(self) -> str:
+        """Names of the cases at work."""
+        return ", ".join(list(self._running))
+
+    def run(self, member: Member, arguments: Sequence[str]) -> int:
+        """Run a case to its end; gives its exit status."""
+        with self._lock:
+            if self._closed:
+                return _NOT_BEGUN
+            core = self._free.pop(0) if self._free else None
+            process = self._running[member.name] = _started(member, arguments, core)
+        try:
+            return process.wait()
+        finally:
+            with self._lock:
+                del self._running[member.name]
+                self._free += [] if core is None else [core]
+            if process.stdin is not None:
+                process.stdin.close()
+
+    def end(self) -> None:
+        """End all in order, after some time or a second interrupt at once."""
+        with self._lock:
+            self._closed = True
+            running = list(self._running.values())
+        try:
+            _interrupt(running)
+        finally:
+            for process in running:
+                if process.poll() is None:
+                    process.kill()
+
+
+def _run(member: Member, mode: Mode, extra: Sequence[str], children: _Children) -> Fate:
+    start = time.monotonic()
+    command = "study" if mode == "3d" else "run"
+    arguments = [command, str(member.path), *extra, "--out", str(member.folder)]
+    return _ended(member, mode, extra, children.run(member, arguments), start)
 
 
 def _left(pace: float, cases: int, spent: float, done: int) -> float:
@@ -155,17 +186,13 @@ def _cores() -> list[int]:
     return list(range(os.cpu_count() or 1))
 
 
-def _started(
-    member: Member, mode: Mode, extra: Sequence[str], core: int | None
-) -> subprocess.Popen[bytes]:
+def _started(member: Member, arguments: Sequence[str], core: int | None) -> subprocess.Popen[bytes]:
     member.folder.mkdir(parents=True, exist_ok=True)
-    command = "study" if mode == "3d" else "run"
-    arguments = [command, str(member.path), *extra, "--out", str(member.folder)]
     alone = {} if core is None else {CORE: str(core)}  # beside it runs another case
     (member.folder / LOG_FILE).unlink(missing_ok=True)  # an earlier result may hold it as well
     with (member.folder / LOG_FILE).open("wb") as log:
         return subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM, *arguments],
+            [sys.executable, "-m", _CHILD, *arguments],
             stdout=log,
             stderr=subprocess.STDOUT,
             stdin=subprocess.PIPE,
@@ -175,10 +202,10 @@ def _started(
 
 
 def _interrupt(processes: Sequence[subprocess.Popen[bytes]]) -> None:
-    """End processes in order, after some time at once.
+    """Ask processes to end, more than once.
 
-    Asked more than once: Python drops an interrupt that reaches it in a callback, as one in
-    four did during a child's imports.
+    Python drops an interrupt that reaches it in a callback, as one in four did during a child's
+    imports.
     """
     for _ in range(_INTERRUPTS):
         alive = [process for process in processes if process.poll() is None]
@@ -189,17 +216,6 @@ def _interrupt(processes: Sequence[subprocess.Popen[bytes]]) -> None:
                 process.send_signal(signal.SIGINT)
         with contextlib.suppress(subprocess.TimeoutExpired):
             alive[-1].wait(1.0)
-    for process in processes:
-        if process.poll() is None:
-            process.kill()
-            process.wait()
-        _let_go(process)
-
-
-def _let_go(process: subprocess.Popen[bytes]) -> None:
-    """Close what is held of a process that has ended."""
-    if process.stdin is not None:
-        process.stdin.close()
 
 
 def _result_file(member: Member, mode: Mode) -> pathlib.Path:

@@ -33,7 +33,7 @@ from calibration.free_parameter import (
 )
 from calibration.gauss_newton import DampedGaussNewton
 from calibration.identifiability import identifiability, laplace_covariance
-from calibration.optimum import Data, Fit, Outcome, PlainFunction
+from calibration.optimum import Data, Fit, FitArrays, PlainFunction
 from lumped import raise_unless_successful
 from lumped.parameters import is_traced
 
@@ -169,12 +169,12 @@ def _is_pytree(item: Data) -> bool:
 
 
 @eqx.filter_jit
-def _fit_one(model, free, data, solver, starts, spread, key, max_steps) -> Outcome:
+def _fit_one(model, free, data, solver, starts, spread, key, max_steps) -> FitArrays:
     return minimise(model, free, data, solver, starts, spread, key, max_steps)
 
 
 @eqx.filter_jit
-def _fit_many(models, free, data, solver, starts, spread, key, max_steps, chunk, ndim) -> Outcome:
+def _fit_many(models, free, data, solver, starts, spread, key, max_steps, chunk, ndim) -> FitArrays:
     batched = (models, data) if ndim == 2 else data
     arrays, static = eqx.partition(batched, eqx.is_array)
 
@@ -195,7 +195,7 @@ def minimise(
     spread: float,
     key: PRNGKeyArray,
     max_steps: int,
-) -> Outcome:
+) -> FitArrays:
     """The fit itself, traceable: `fit` and `fit_batch` compile and check around it."""
     solver = DampedGaussNewton() if solver is None else solver
     axes = coordinates(model, free)
@@ -229,7 +229,7 @@ def minimise(
     cost = jnp.sum(residual**2) + jnp.sum(prior_residual**2)
     at_bound = axes.at_bound(jax.lax.stop_gradient(u))
     known = jnp.isfinite(cost)
-    return Outcome(
+    return FitArrays(
         u=jnp.where(known, u, jnp.nan),
         values=jnp.where(known, axes.values(u), jnp.nan),
         slope=jnp.where(known, axes.slope(u), jnp.nan),

@@ -27,7 +27,7 @@ class PlainFunction(eqx.Module):
         return self.function(model)
 
 
-class Outcome(eqx.Module):
+class FitArrays(eqx.Module):
     """The arrays of a fit; see `Fit`."""
 
     u: Float[Array, "*b n"]
@@ -72,7 +72,7 @@ class Fit(eqx.Module):
     model: Any
     free: tuple[FreeParameter, ...]
     data: tuple[Data, ...]
-    outcome: Outcome
+    outcome: FitArrays
     solver: Any = None
 
     @property

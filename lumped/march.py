@@ -73,7 +73,7 @@ SCHEMES = {2 * stages - 1: _radau(stages) for stages in (1, 2, 3)}
 """The schemes by order: 1 (backward Euler), 3 and 5."""
 
 
-class Step(NamedTuple):
+class MarchStep(NamedTuple):
     """Result of one step.
 
     Attributes:
@@ -90,7 +90,7 @@ class Step(NamedTuple):
 @partial(jax.jit, static_argnames="order")
 def step(
     t: Parameter, dt: Parameter, network: Network, z: Float[Array, " m"], *, order: int
-) -> Step:
+) -> MarchStep:
     """Advance all unknowns from t to t + dt.
 
     Derivatives follow the implicit-function theorem (`jax.lax.custom_root`).
@@ -126,7 +126,7 @@ def step(
         Z, defect = jax.lax.custom_root(
             equations, guess, lambda _, Z: newton(correction, Z), tangent_solve, has_aux=True
         )
-    return Step(Z[-1], dt * jnp.asarray(scheme.weights) @ Z, jax.lax.stop_gradient(defect))
+    return MarchStep(Z[-1], dt * jnp.asarray(scheme.weights) @ Z, jax.lax.stop_gradient(defect))
 
 
 def newton(correction: Callable[[Array], Array], start: Array) -> tuple[Array, Float[Array, ""]]:

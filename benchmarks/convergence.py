@@ -13,7 +13,8 @@ from typing import Any
 from jaxfsi.fields.aortic_site import aortic_site
 from lumped import MMHG
 from study import demo_case_path, read_case
-from study.case.model import Case, SurrogateParameters
+from study.case.model import Case
+from study.case.parameters import SurrogateParameters
 from study.run.anatomy_source import case_anatomy, states_of
 from study.run.mesh import mesh_state
 from study.run.progress import Progress

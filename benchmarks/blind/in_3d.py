@@ -27,7 +27,7 @@ from benchmarks.blind.cases import OFFSET_SD_MMHG, Setting, seal, write_record
 from benchmarks.blind.sensors import seen
 from benchmarks.blind.truth import RANGES, SAMPLED, Lanes, March
 from lumped import MMHG, MMHG_S_PER_ML, Coronary, Sampled, sampled
-from study.case.model import Condition
+from study.case.condition import Condition
 from study.run.driven_beat import PHASES, Beat, Drive, driven_beat, fingerprint, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress

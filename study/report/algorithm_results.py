@@ -4,7 +4,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 from jaxfsi.opening import OUTLET
-from study.case.model import WindkesselParameters
+from study.case.parameters import WindkesselParameters
+from study.report.chosen_laws import chosen_laws
 from study.report.documents.parts import notes
 from study.report.documents.study import (
     AlphaCurve,
@@ -243,6 +244,7 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
         f"the slope of the ramp at 40 mmHg is {ratio:.1f} times the resistance at a drop of 8 mmHg:"
         " the linear surrogate of the paper takes the one for the other",
     )
+    yield from (("info", text) for text in chosen_laws(result.case))
     if ramp.largest_drop_mmHg < 40.0:
         text = f"the ramp ends at {ramp.largest_drop_mmHg:.0f} mmHg: R0 at 40 is extrapolated"
         yield "warning", text

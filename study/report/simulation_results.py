@@ -15,6 +15,7 @@ from jaxfsi.simulation import Record, ShearMeans
 from jaxfsi.simulation.cycles import CycleMeans, cycle_means
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
+from study.report.chosen_laws import chosen_laws
 from study.report.mesh_results import picture_text
 from study.run.setup import Setup
 from study.run.simulation import Outcome, solver_choice
@@ -160,6 +161,7 @@ def _notes(
                 " which also acts on its outside"
             )
         notes.append(("info", text))
+    notes += [("info", text) for text in chosen_laws(case, rigid=setup.model.is_rigid)]
     if is_segment(setup.mesh.openings):
         text = (
             "a vessel without the aorta: the aortic pressure of the condition acts at its inlet,"

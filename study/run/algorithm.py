@@ -29,7 +29,8 @@ from jaxfsi.fields.aortic_site import aortic_site
 from jaxfsi.fields.lumen_sections import lumen_motion
 from study.case.anatomy import MeshAnatomy
 from study.case.faults import CaseError, Fault
-from study.case.model import Case, SurrogateParameters, require
+from study.case.model import Case, require
+from study.case.parameters import SurrogateParameters
 from study.run.anatomy_source import case_anatomy, case_mesh, states_of
 from study.run.computed_parts import Computed, computed_parts
 from study.run.lumen_parts import MotionPart, motion_part

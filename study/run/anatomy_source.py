@@ -22,7 +22,8 @@ from jaxfsi.mesh_parts import canonically_labelled
 from lumped.units import MM
 from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy, SyntheticAnatomy
 from study.case.faults import CaseError, Fault
-from study.case.model import Case, WallParameters
+from study.case.model import Case
+from study.case.parameters import WallParameters
 
 _AORTA_RADIUS = (0.3, 4.0)
 """Radius of an opening of the aorta, from a newborn's to an aneurysm's [cm]."""

@@ -25,8 +25,9 @@ from diagnosis.hypothesis import Fitted
 from diagnosis.prediction import base_circuit, condition_settings, n_unknowns, selection
 from diagnosis.shrink import measured_ratio
 from lumped import MMHG
+from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
-from study.case.model import Case, Condition
+from study.case.model import Case
 from study.run.driven_beat import Beat, Drive, driven_beat, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress

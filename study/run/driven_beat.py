@@ -33,7 +33,7 @@ from lumped import (
     sampled,
     solve_periodic,
 )
-from study.case.model import Condition
+from study.case.condition import Condition
 from study.run.case_model import case_model
 from study.run.patient import stress_rules
 from study.run.results import Run3D

@@ -61,8 +61,9 @@ from lumped import (
 )
 from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
+from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
-from study.case.model import Case, Condition
+from study.case.model import Case
 from study.run.case_model import Keep, case_model
 from study.run.opening_checks import names_segment
 from study.run.patient import Patient, condition_of, load_patient, stress_rules

@@ -103,6 +103,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/case/template.py", "study/case/toml_file.py",
     "study/cli/*",
     "study/report/*_figures.py", "study/report/*_report.py", "study/report/agreement.py",
+    "study/report/chosen_laws.py",
     "study/report/cohort_results.py", "study/report/diagnosis_*", "study/report/figures.py",
     "study/report/sweep_figure.py", "study/report/documents/*", "study/report/mesh_results.py",
     "study/report/number_formats.py", "study/report/page.py",

@@ -13,7 +13,7 @@ from benchmarks.blind.score_3d import table
 from diagnosis import CATALOGUE
 from lumped import MMHG
 from study import read_case
-from study.case.model import WallParameters
+from study.case.parameters import WallParameters
 from study.case.record import read_record
 from study.run.algorithm import open_context
 from study.run.finished_study import FinishedStudy, RampCurve

@@ -22,7 +22,7 @@ from diagnosis.hypothesis import numbers_of
 from diagnosis.prediction import OWN, base_circuit, condition_settings
 from lumped import MMHG
 from study import read_case
-from study.case.model import WallParameters
+from study.case.parameters import WallParameters
 from study.case.record import record_files
 from study.run.algorithm import open_context
 from study.run.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d

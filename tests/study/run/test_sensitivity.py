@@ -12,7 +12,7 @@ from jaxfsi.adjoint.chain_rules import recalibrated
 from jaxfsi.adjoint.lumen_shape import lumen_spread, lumen_surface, thickness_field
 from jaxfsi.adjoint.ratio_gradient import advance_part
 from study import read_case
-from study.case.model import SurrogateParameters
+from study.case.parameters import SurrogateParameters
 from study.run.progress import Progress
 from study.run.results import PlannedRun, RunId
 from study.run.run_3d import RunChoice, RunContext, setup_of

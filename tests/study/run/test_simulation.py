@@ -17,7 +17,7 @@ from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from lumped import MMHG
 from study import CaseError, read_case
-from study.case.model import WindkesselParameters
+from study.case.parameters import WindkesselParameters
 from study.run.anatomy_source import case_mesh
 from study.run.opening_checks import check_openings
 from study.run.setup import (

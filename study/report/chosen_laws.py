@@ -1,0 +1,28 @@
+"""What a page says of laws of blood, wall and tissue that a case chooses beyond the usual ones."""
+
+from collections.abc import Iterator
+
+from study.case.model import Case
+from study.case.parameters import CARREAU_YASUDA
+
+
+def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:
+    """A sentence for each law of the 3D model that acts in this case and by default does not."""
+    blood, wall = case.blood, case.wall
+    if blood.law == CARREAU_YASUDA:
+        yield (
+            f"the blood thins with the shear rate (Carreau-Yasuda), from {blood.mu_zero:g} to"
+            f" {blood.mu_infinite:g} poise"
+        )
+    if rigid:
+        return
+    if wall.damping:
+        yield f"the wall is viscoelastic (Kelvin-Voigt), with {wall.damping:g} poise"
+    if wall.volumetric_penalty:
+        penalty = f"{wall.volumetric_penalty:g} dyn/cm²"
+        yield f"a penalty of {penalty} resists changes of the wall's volume"
+    if wall.tissue.stiffness or wall.tissue.damping:
+        yield (
+            f"tissue outside holds the wall: {wall.tissue.stiffness:g} dyn/cm³ and"
+            f" {wall.tissue.damping:g} dyn·s/cm³"
+        )

@@ -1,0 +1,19 @@
+"""A page names laws that a case chooses, and is silent about the usual ones."""
+
+import dataclasses
+
+from study import BloodParameters, TissueParameters, WallParameters, demo_case_path, read_case
+from study.report.chosen_laws import chosen_laws
+
+
+def test_usual_laws_need_no_words_and_chosen_ones_are_named_with_their_numbers():
+    case = read_case(demo_case_path())
+    assert list(chosen_laws(case)) == []
+    wall = WallParameters(damping=300.0, volumetric_penalty=1e6, tissue=TissueParameters(2e5, 40.0))
+    case = dataclasses.replace(case, wall=wall, blood=BloodParameters(law="carreau_yasuda"))
+    blood, damping, penalty, tissue = chosen_laws(case)
+    assert "from 0.56 to 0.0345 poise" in blood
+    assert "300 poise" in damping
+    assert "1e+06 dyn/cm²" in penalty
+    assert "200000 dyn/cm³ and 40 dyn·s/cm³" in tissue
+    assert list(chosen_laws(case, rigid=True)) == [blood]

@@ -59,7 +59,7 @@ def run(rounds: int) -> dict[str, Any]:
                 "area_change_most_%": float(np.max(change[known])),
                 "largest_d_cm": float(np.max(np.linalg.norm(d, axis=1))),
                 "newton": int(end.n_newton),
-                "gmres": int(end.n_linear),
+                "gmres": int(end.n_gmres),
                 "residual": float(end.residual),
                 "seconds": seconds,
             }

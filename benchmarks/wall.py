@@ -87,7 +87,7 @@ def _row(
         "layers": layers,
         "around": around,
         "ratio": float(ratio),
-        "linear_iterations": int(end.n_linear),
+        "linear_iterations": int(end.n_gmres),
         "out_of_balance": float(end.residual),
         "first_s": seconds,
     }

@@ -16,7 +16,7 @@ model = core.build_model(
         "inlet": core.FlowPort(Sinusoid(Q_MEAN, Q_MEAN, PERIOD, np.pi)),
         "outlet": core.BlockPort(outlet),
     },
-    wall=core.Wall(core.NeoHookean(1.5e6, 0.45)),
+    wall=core.Wall(core.NeoHookean(1.5e6, 0.45), rho_s=1.1),
 )
 stepper = core.prepare(PERIOD / STEPS, model)
 run = core.march(model, core.initial_state(model), stepper, 4 * STEPS)

@@ -64,7 +64,7 @@ def wall_stress(
     F = deformation_gradients(d, element, shape)
     elastic = cauchy_stress(d, wall, element, shape, prestress)
     points = range(len(F))
-    viscous = [_viscous(f, H, wall) for f, H in zip(F, element.slopes(u, shape), strict=True)]
+    viscous = [_viscous(f, H, wall) for f, H in zip(F, element.gradients(u, shape), strict=True)]
     sigma = [
         [added(elastic[i, j, g] + viscous[g][i][j] for g in points) / len(F) for j in range(3)]
         for i in range(3)
@@ -79,9 +79,9 @@ def wall_stress(
     return WallStress(_stacked(sigma), von_mises, _stacked(strain))
 
 
-def _viscous(F: Tensor, slopes: Tensor, wall: Wall) -> Tensor:
+def _viscous(F: Tensor, gradients: Tensor, wall: Wall) -> Tensor:
     """Cauchy stress of the Kelvin-Voigt viscosity."""
-    stress = inelastic_stress(F, slopes, wall, None)
+    stress = inelastic_stress(F, gradients, wall, None)
     return combined((1.0 / determinant(F), product(stress, transposed(F))))
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from jaxfsi.simulation.record import Record, mean_over, write_csv
     from jaxfsi.simulation.shear_cycle import ShearCycle, ShearMeans
     from jaxfsi.simulation.simulation import (
-        Glimpse,
+        ProgressRecord,
         Simulation,
         SimulationError,
         SimulationInterrupted,

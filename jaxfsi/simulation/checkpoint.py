@@ -18,13 +18,13 @@ import numpy as np
 
 from jaxfsi.core.step.state import State
 from jaxfsi.fields.npz import load_arrays
-from jaxfsi.simulation.observer import Memory
+from jaxfsi.simulation.observer import ObserverState
 from jaxfsi.simulation.record import Record
 from jaxfsi.simulation.step_control import Position
 from jaxfsi.text_files import why
 from lumped.whole_files import write_whole
 
-FORMAT = 1
+FORMAT = 2
 
 # What `load_arrays` and `json.loads` raise on other files and on damaged ones.
 _DAMAGE = (ValueError, TypeError, KeyError, RuntimeError)
@@ -52,14 +52,14 @@ class Checkpoint(NamedTuple):
         position: where the run is.
         record: of all steps so far.
         events: what went wrong and was mended, see `simulate`.
-        memories: of the observers, by name.
+        observer_states: of the observers, by name.
     """
 
     state: State
     position: Position
     record: Record
     events: list[dict[str, Any]]
-    memories: dict[str, Memory]
+    observer_states: dict[str, ObserverState]
 
 
 def fingerprint(*parts: Any) -> str:
@@ -88,7 +88,7 @@ def save_checkpoint(
         "numerics": numerics,
         "position": list(checkpoint.position),
         "events": checkpoint.events,
-        "observers": sorted(checkpoint.memories),
+        "observers": sorted(checkpoint.observer_states),
     }
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
     buffer = io.BytesIO()
@@ -118,7 +118,13 @@ def load_checkpoint(
         raise CheckpointError(
             path, f"cannot be read as a checkpoint: {why(error)}", "Remove it to start again."
         ) from None
-    if head.get("format") != FORMAT or head.get("run_hash") != run_hash:
+    if head.get("format") != FORMAT:
+        raise CheckpointError(
+            path,
+            f"has format {head.get('format')!r}, that of another version; this one reads {FORMAT}",
+            "Continue it with the version that wrote it, or start again in another folder.",
+        )
+    if head.get("run_hash") != run_hash:
         raise CheckpointError(
             path,
             "belongs to a run with another model, step or choice of outputs",
@@ -146,8 +152,8 @@ def load_checkpoint(
         Record(**{name: arrays[f"record.{name}"] for name in Record._fields}),
         head["events"],
         {
-            owner: {name: arrays[f"memory.{owner}.{name}"] for name in memory}
-            for owner, memory in like.memories.items()
+            owner: {name: arrays[f"observer.{owner}.{name}"] for name in saved_state}
+            for owner, saved_state in like.observer_states.items()
         },
     )
 
@@ -159,9 +165,9 @@ def _arrays(checkpoint: Checkpoint) -> dict[str, np.ndarray]:
         arrays[f"state.{k}"] = np.asarray(leaf)
     for name, column in checkpoint.record._asdict().items():
         arrays[f"record.{name}"] = column
-    for owner, memory in checkpoint.memories.items():
-        for name, value in memory.items():
-            arrays[f"memory.{owner}.{name}"] = np.asarray(value)
+    for owner, saved_state in checkpoint.observer_states.items():
+        for name, value in saved_state.items():
+            arrays[f"observer.{owner}.{name}"] = np.asarray(value)
     return arrays
 
 

@@ -35,7 +35,7 @@ from jaxfsi.fields.series import Entry, find_frames, frame_name, write_series
 from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear
 from jaxfsi.fields.wall_stress import wall_stress
 from jaxfsi.mesh import INTERFACE, Mesh, Region
-from jaxfsi.simulation.observer import AbstractObserver, Memory
+from jaxfsi.simulation.observer import AbstractObserver, ObserverState
 from lumped.units import MMHG
 
 _VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
@@ -96,11 +96,11 @@ class FieldSeries(AbstractObserver):
         self._entries = [*(e for e in self._entries if e.step < step), Entry(t, file)]
         write_series(self.path, self._entries)
 
-    def memory(self) -> Memory:
-        """Nothing: the files are the memory."""
+    def saved_state(self) -> ObserverState:
+        """Nothing: the files hold it."""
         return {}
 
-    def restore(self, step: int, memory: Memory) -> None:
+    def restore(self, step: int, saved_state: ObserverState) -> None:
         """List the frames up to a step anew, whatever the PVD says; later ones come again.
 
         A frame that was removed, or whose time cannot be read, is left out.

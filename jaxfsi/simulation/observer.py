@@ -1,7 +1,7 @@
-"""What looks at a run while it goes on: writers of fields, averages over a cycle.
+"""Observers of a run in progress: writers of fields, averages over a cycle.
 
-An observer may remember something between two looks. Its memory is part of every checkpoint, so
-that a run that was ended goes on as if nothing had happened.
+The state of an observer is part of every checkpoint, so that an interrupted run continues to the
+same result.
 """
 
 import abc
@@ -11,30 +11,30 @@ import numpy as np
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
 
-Memory = dict[str, np.ndarray]
+ObserverState = dict[str, np.ndarray]
 
 
 class AbstractObserver(abc.ABC):
-    """Looks at the state after whole steps."""
+    """Observes the state after whole steps."""
 
     @property
     @abc.abstractmethod
     def name(self) -> str:
-        """A name of its own among the observers of a run."""
+        """Name, unique among the observers of a run."""
 
     @property
     @abc.abstractmethod
     def every(self) -> int:
-        """It looks whenever the number of whole steps is a multiple of this."""
+        """Whole steps between two observations."""
 
     @abc.abstractmethod
     def observe(self, step: int, model: Model, state: State) -> None:
-        """Look at the state after a whole step, or at the start of the run."""
+        """Observe the state after a whole step, or at the start of the run."""
 
     @abc.abstractmethod
-    def memory(self) -> Memory:
-        """What a checkpoint must keep: the same names, types and shapes throughout a run."""
+    def saved_state(self) -> ObserverState:
+        """State for checkpoints: the same names, types and shapes throughout a run."""
 
     @abc.abstractmethod
-    def restore(self, step: int, memory: Memory) -> None:
-        """Go back to where it was at a checkpoint after a whole step."""
+    def restore(self, step: int, saved_state: ObserverState) -> None:
+        """Restore the state of a checkpoint after a whole step."""

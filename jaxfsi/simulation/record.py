@@ -24,10 +24,10 @@ class Record(NamedTuple):
         dt: its length [s].
         P_port: mean pressure of each port [dyn/cm²].
         Q_port: flow out of each port [cm³/s].
-        n_linear: iterations of GMRES.
-        n_nonlinear: linear systems solved.
+        n_gmres: iterations of GMRES.
+        n_newton: linear systems solved.
         residual: weighted residual at the end over that of the extrapolated state.
-        least_volume: smallest volume of a fluid element over its reference volume.
+        min_volume_ratio: smallest volume of a fluid element over its reference volume.
         change: see `jaxfsi.simulation.chunk`.
     """
 
@@ -36,10 +36,10 @@ class Record(NamedTuple):
     dt: Float[np.ndarray, " steps"]
     P_port: Float[np.ndarray, "steps ports"]
     Q_port: Float[np.ndarray, "steps ports"]
-    n_linear: Int[np.ndarray, " steps"]
-    n_nonlinear: Int[np.ndarray, " steps"]
+    n_gmres: Int[np.ndarray, " steps"]
+    n_newton: Int[np.ndarray, " steps"]
     residual: Float[np.ndarray, " steps"]
-    least_volume: Float[np.ndarray, " steps"]
+    min_volume_ratio: Float[np.ndarray, " steps"]
     change: Float[np.ndarray, " steps"]
 
     @property
@@ -102,8 +102,8 @@ def write_csv(path: pathlib.Path, record: Record, names: tuple[str, ...]) -> Non
             *(record.step, record.t, record.dt),
             *(record.P_port / MMHG).T,
             *(record.Q_port / ML_PER_MIN).T,
-            *(record.n_linear, record.n_nonlinear, record.residual),
-            *(record.least_volume, record.change),
+            *(record.n_gmres, record.n_newton, record.residual),
+            *(record.min_volume_ratio, record.change),
         ]
     )
     rows = [",".join(f"{value:.12g}" for value in row) for row in table.tolist()]

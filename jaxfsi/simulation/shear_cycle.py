@@ -25,7 +25,7 @@ from jaxfsi.core.step.state import State
 from jaxfsi.fields.frame import Grid
 from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear
 from jaxfsi.mesh import Mesh
-from jaxfsi.simulation.observer import AbstractObserver, Memory
+from jaxfsi.simulation.observer import AbstractObserver, ObserverState
 
 
 class ShearMeans(NamedTuple):
@@ -62,7 +62,7 @@ class ShearCycle(AbstractObserver):
         self._points = mesh.points
         self._every, self._period = every, period
         n = self._patches.nodes.shape[0]
-        self._sums: Memory = {
+        self._sums: ObserverState = {
             "size": np.zeros(n),
             "vector": np.zeros((3, n)),
             "last": np.zeros((3, n)),
@@ -74,7 +74,7 @@ class ShearCycle(AbstractObserver):
 
     @property
     def name(self) -> str:
-        """Of its own."""
+        """Name of this observer."""
         return "shear"
 
     @property
@@ -101,13 +101,13 @@ class ShearCycle(AbstractObserver):
                 now[name] = np.zeros_like(now[name])
             now["times"] = np.array([t, t])
 
-    def memory(self) -> Memory:
+    def saved_state(self) -> ObserverState:
         """Integrals, the last shear and the times; arrays are replaced, never changed."""
         return dict(self._sums)
 
-    def restore(self, step: int, memory: Memory) -> None:
+    def restore(self, step: int, saved_state: ObserverState) -> None:
         """Take the integrals of a checkpoint."""
-        self._sums = dict(memory)
+        self._sums = dict(saved_state)
 
     def means(self) -> ShearMeans | None:
         """Averages over the last whole cycle, or over what there is of the first; None before."""

@@ -53,7 +53,7 @@ class SolverChoice:
     max_nonlinear: int = 6
 
 
-class Glimpse(NamedTuple):
+class ProgressRecord(NamedTuple):
     """What is known of a run while it goes on.
 
     Attributes:
@@ -64,7 +64,7 @@ class Glimpse(NamedTuple):
         names: of the ports.
         P_port: mean pressure of each port [dyn/cm²].
         Q_port: flow out of each port [cm³/s].
-        n_linear: iterations of the last step.
+        n_gmres: iterations of the last step.
         record: of all steps so far.
     """
 
@@ -75,7 +75,7 @@ class Glimpse(NamedTuple):
     names: tuple[str, ...]
     P_port: np.ndarray
     Q_port: np.ndarray
-    n_linear: int
+    n_gmres: int
     record: Record
 
 
@@ -131,7 +131,7 @@ def simulate(
     observers: Sequence[AbstractObserver] = (),
     checkpoint: pathlib.Path | None = None,
     checkpoint_every: int = 100,
-    glimpse: Callable[[Glimpse], None] | None = None,
+    progress: Callable[[ProgressRecord], None] | None = None,
     numerics: str = "",
 ) -> Simulation:
     """Run a model for a number of steps.
@@ -148,7 +148,7 @@ def simulate(
         observers: look at the state; each at multiples of its own number of steps.
         checkpoint: file to keep the run in; where it exists, the run goes on from it.
         checkpoint_every: whole steps between two checkpoints.
-        glimpse: told of each chunk.
+        progress: called after each chunk with its progress record.
         numerics: name for the code that computes; a checkpoint of another name is refused.
 
     Returns:
@@ -166,40 +166,40 @@ def simulate(
     _check(n_steps, chunk, checkpoint_every, observers)
     control, solver = control or StepControl(), solver or SolverChoice()
     choices = (dt, dataclasses.asdict(control), dataclasses.asdict(solver), chunk)
-    looks = [(observer.name, observer.every) for observer in observers]
+    observed = [(observer.name, observer.every) for observer in observers]
     run_hash = ""
     if checkpoint is not None:
-        run_hash = fingerprint(model, state, *choices, checkpoint_every, looks)
+        run_hash = fingerprint(model, state, *choices, checkpoint_every, observed)
     resumed = None
     run = Checkpoint(state, Position(), empty_record(len(model.ports)), [], {})
-    run = _remembered(run, observers)
+    run = _with_observer_states(run, observers)
     if checkpoint is not None and checkpoint.exists():
         run = load_checkpoint(checkpoint, run, run_hash, numerics)
-        resumed = run.position.grain // stride(0, control)
+        resumed = run.position.tick // stride(0, control)
         if resumed > n_steps:
             raise _too_long(checkpoint, resumed, n_steps, dt)
         _restore(observers, resumed, run)
     else:
         for observer in observers:
             observer.observe(0, model, state)
-        run = _remembered(run, observers)
+        run = _with_observer_states(run, observers)
     periods = [chunk, checkpoint_every, *(observer.every for observer in observers)]
     steppers: dict[int, Stepper] = {}
     reached = run
     whole = stride(0, control)
     try:
-        while (done := run.position.grain // whole) < n_steps:
+        while (done := run.position.tick // whole) < n_steps:
             stop = min(n_steps, *((done // every + 1) * every for every in periods))
             reached = run
-            while reached.position.grain < stop * whole:
+            while reached.position.tick < stop * whole:
                 stepper = _stepper(reached.position.level, steppers, dt, model, solver)
                 reached = _advanced(stop, model, reached, stepper, control, chunk)
-                if glimpse is not None:
-                    glimpse(_glimpse(n_steps, model, reached, control, dt))
+                if progress is not None:
+                    progress(_progress_record(n_steps, model, reached, control, dt))
             for observer in observers:
                 if stop % observer.every == 0:
                     observer.observe(stop, model, reached.state)
-            run = _remembered(reached, observers)
+            run = _with_observer_states(reached, observers)
             if checkpoint is not None and (stop % checkpoint_every == 0 or stop == n_steps):
                 save_checkpoint(checkpoint, run, run_hash, numerics)
     except (KeyboardInterrupt, StepFailure) as stop_of_run:
@@ -208,7 +208,7 @@ def simulate(
         if isinstance(stop_of_run, StepFailure):
             kept = Simulation(reached.state, reached.record, reached.events, resumed)
             raise SimulationError(str(stop_of_run), kept) from None
-        _restore(observers, run.position.grain // whole, run)
+        _restore(observers, run.position.tick // whole, run)
         kept = Simulation(run.state, run.record, run.events, resumed)
         raise SimulationInterrupted(kept) from None
     return Simulation(run.state, run.record, run.events, resumed)
@@ -245,12 +245,14 @@ def _too_long(path: pathlib.Path, held: int, n_steps: int, dt: float) -> Checkpo
 def _restore(observers: Sequence[AbstractObserver], step: int, run: Checkpoint) -> None:
     """Take the observers to where they were at a checkpoint after a whole step."""
     for observer in observers:
-        observer.restore(step, run.memories[observer.name])
+        observer.restore(step, run.observer_states[observer.name])
 
 
-def _remembered(run: Checkpoint, observers: Sequence[AbstractObserver]) -> Checkpoint:
+def _with_observer_states(run: Checkpoint, observers: Sequence[AbstractObserver]) -> Checkpoint:
     """The run with what the observers know now."""
-    return run._replace(memories={observer.name: observer.memory() for observer in observers})
+    return run._replace(
+        observer_states={observer.name: observer.saved_state() for observer in observers}
+    )
 
 
 def _stepper(
@@ -295,7 +297,7 @@ def _advanced(
     largest = float(np.max(record.change[len(record.change) - n_good :], initial=0.0))
     after = after_steps(n_good, failed or bool(end.coarse), largest, before, control)
     state = _rescaled(end.state, 2.0 ** (before.level - after.level))
-    return Checkpoint(state, after, record, events, run.memories)
+    return Checkpoint(state, after, record, events, run.observer_states)
 
 
 def _rescaled(state: State, ratio: float) -> State:
@@ -318,17 +320,17 @@ def _joined_rows(
     run: Checkpoint, end: Chunk, n_good: int, stepper: Stepper, control: StepControl
 ) -> Record:
     history, report = end.history, end.history.report
-    grains = run.position.grain + stride(run.position.level, control) * np.arange(1, n_good + 1)
+    ticks = run.position.tick + stride(run.position.level, control) * np.arange(1, n_good + 1)
     rows = Record(
-        grains / stride(0, control),
+        ticks / stride(0, control),
         np.asarray(history.t)[:n_good],
         np.full(n_good, float(stepper.dt)),
         np.asarray(history.P_port)[:n_good],
         np.asarray(history.Q_port)[:n_good],
-        np.asarray(report.n_linear)[:n_good],
-        np.asarray(report.n_nonlinear)[:n_good],
+        np.asarray(report.n_gmres)[:n_good],
+        np.asarray(report.n_newton)[:n_good],
         np.asarray(report.residual)[:n_good],
-        np.asarray(report.least_volume)[:n_good],
+        np.asarray(report.min_volume_ratio)[:n_good],
         np.asarray(end.change)[:n_good],
     )
     return joined([run.record, rows])
@@ -338,7 +340,7 @@ def _event(
     end: Chunk, n_good: int, before: Position, stepper: Stepper, control: StepControl
 ) -> dict[str, Any]:
     """A failed step in words."""
-    at = before.grain + n_good * stride(before.level, control)
+    at = before.tick + n_good * stride(before.level, control)
     return {
         "step": at / stride(0, control),
         "t_s": float(end.state.t),
@@ -347,11 +349,11 @@ def _event(
     }
 
 
-def _glimpse(
+def _progress_record(
     n_steps: int, model: Model, run: Checkpoint, control: StepControl, dt: float
-) -> Glimpse:
-    effort = run.record.n_linear
-    return Glimpse(
+) -> ProgressRecord:
+    effort = run.record.n_gmres
+    return ProgressRecord(
         whole_steps(run.position, control),
         n_steps,
         float(run.state.t),

@@ -56,24 +56,24 @@ class Position(NamedTuple):
     """Where a run is.
 
     Attributes:
-        grain: time passed, in steps of the deepest level.
+        tick: time passed, in steps of the deepest level.
         level: level of the next step.
         calm: good steps since the level last changed.
     """
 
-    grain: int = 0
+    tick: int = 0
     level: int = 0
     calm: int = 0
 
 
 def stride(level: int, control: StepControl) -> int:
-    """Grains in a step of a level."""
+    """Ticks in a step of a level."""
     return 2 ** (control.max_halvings - level)
 
 
 def whole_steps(position: Position, control: StepControl) -> float:
     """Time passed, in steps of full length."""
-    return position.grain / stride(0, control)
+    return position.tick / stride(0, control)
 
 
 def steps_to(stop: int, position: Position, control: StepControl) -> int:
@@ -85,10 +85,10 @@ def steps_to(stop: int, position: Position, control: StepControl) -> int:
         control: see `StepControl`.
     """
     unit = stride(position.level, control)
-    left = (stop * stride(0, control) - position.grain) // unit
+    left = (stop * stride(0, control) - position.tick) // unit
     if position.level == 0:
         return left
-    odd = (position.grain // unit) % 2
+    odd = (position.tick // unit) % 2
     return min(left, max(control.good_steps - position.calm, 2) + odd)
 
 
@@ -105,14 +105,14 @@ def after_steps(
         control: see `StepControl`.
     """
     unit = stride(position.level, control)
-    grain = position.grain + n_good * unit
+    tick = position.tick + n_good * unit
     if trouble:
-        return Position(grain, min(position.level + 1, control.max_halvings), 0)
+        return Position(tick, min(position.level + 1, control.max_halvings), 0)
     calm = position.calm + n_good
     limit = control.change_limit
     if limit is not None and largest_change > limit / _MARGIN:
-        return Position(grain, position.level, 0)
-    reached = position.level > 0 and grain % (2 * unit) == 0
+        return Position(tick, position.level, 0)
+    reached = position.level > 0 and tick % (2 * unit) == 0
     if reached and calm >= control.good_steps:
-        return Position(grain, position.level - 1, 0)
-    return Position(grain, position.level, calm)
+        return Position(tick, position.level - 1, 0)
+    return Position(tick, position.level, calm)

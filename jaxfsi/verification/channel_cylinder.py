@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.linear import geometry
-from jaxfsi.core.laws.fluid import Blood, fluid_residual, frozen
+from jaxfsi.core.laws.fluid import Blood, fluid_residual, lagged_coefficients
 from jaxfsi.core.laws.viscosity import Newtonian
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort
@@ -170,7 +170,7 @@ def cylinder_forces(mesh: Mesh, *, dt: float, n_steps: int) -> Forces:
 def reaction(state: State, model: Model, stepper: Stepper) -> Float[Array, "3 nodes"]:
     """Force of the blood on each held node [dyn]."""
     shape = geometry(model.x, model.fluid_tets)
-    coefficients = frozen(
+    coefficients = lagged_coefficients(
         stepper.dt,
         state.u,
         state.a,

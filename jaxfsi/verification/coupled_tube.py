@@ -86,7 +86,7 @@ def coupled_model(mesh: Mesh) -> Model:
             "outlet": BlockPort(RCR(p.R_proximal, p.C, p.R_distal, p.P_ref)),
         },
         blood=Blood(),
-        wall=Wall(NeoHookean(p.E, POISSON)),
+        wall=Wall(NeoHookean(p.E, POISSON), rho_s=1.1),
     )
 
 
@@ -100,7 +100,7 @@ def with_parameters(model: Model, parameters: TubeParameters) -> Model:
             FlowPort(Sinusoid(p.amplitude, p.amplitude, PERIOD, np.pi)),
             BlockPort(RCR(p.R_proximal, p.C, p.R_distal, p.P_ref)),
         ),
-        wall=Wall(NeoHookean(p.E, POISSON)),
+        wall=Wall(NeoHookean(p.E, POISSON), rho_s=1.1),
     )
 
 

@@ -66,7 +66,7 @@ def pipe_figures(mesh: Mesh, wall_element: WallElement) -> Iterator[Figure]:
         mesh: the wall of the pipe.
         wall_element: which element.
     """
-    wall = Wall(NeoHookean(E, NU))
+    wall = Wall(NeoHookean(E, NU), rho_s=1.1)
     model = build_model(mesh, {}, wall=wall, wall_element=wall_element)
     loads = Loads((pressure_load(mesh, INTERFACE, PRESSURE, model),))
     found = prestressed(model, loads, static_factor(model), tolerance=1e-8)

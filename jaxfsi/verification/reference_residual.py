@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.quadratic import FAR, NEAR
-from jaxfsi.core.laws.fluid import Blood, Frozen
+from jaxfsi.core.laws.fluid import Blood, LaggedCoefficients
 from jaxfsi.core.laws.solid import Wall
 
 Points = Float[Array, "4 3"]
@@ -72,7 +72,7 @@ def reference_blood_residual(
     a: Float[Array, "3 nodes"],
     p: Float[Array, " nodes"],
     blood: Blood,
-    coefficients: Frozen,
+    coefficients: LaggedCoefficients,
     tets: Int[Array, "4 tets"],
     x: Float[Array, "3 nodes"],
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
@@ -86,7 +86,7 @@ def reference_blood_residual(
             *zero, *fields, fine, tau_M, tau_C, mu, blood.rho_f, x.T[tet]
         )
 
-    fine = jnp.stack(list(k.fine), axis=1)
+    fine = jnp.stack(list(k.subscale), axis=1)
     r_v, r_q = jax.vmap(element)(tets.T, fine, k.tau_momentum, k.tau_continuity, k.mu)
     momentum = jnp.zeros_like(u.T).at[tets.T].add(r_v).T
     return momentum, jnp.zeros_like(p).at[tets.T].add(r_q)

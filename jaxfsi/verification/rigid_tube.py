@@ -84,7 +84,7 @@ def developed_state(t: float, dt: float, model: Model, problem: RigidTube) -> St
 
     def along(w: Float[np.ndarray, " nodes"]):
         field = np.stack([np.zeros_like(w), np.zeros_like(w), w])
-        return jnp.where(model.held, 0.0, jnp.asarray(field))
+        return jnp.where(model.prescribed, 0.0, jnp.asarray(field))
 
     return initial_state(model, t=t)._replace(
         u=along(u),

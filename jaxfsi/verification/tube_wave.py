@@ -183,18 +183,18 @@ def wave_figures(mesh: Mesh, stored: Mapping[int, StoredFields], *, dt: float) -
     """
     model = wave_model(mesh, TUBE_WAVE)
     stepper, state = prepare(dt, model), initial_state(model)
-    result, n_linear, chunk = [], [], min(stored)
+    result, n_gmres, chunk = [], [], min(stored)
     for n in range(chunk, max(stored) + 1, chunk):
         end = march(model, state, stepper, chunk)
         state = end.state
-        n_linear.append(np.asarray(end.history.report.n_linear))
+        n_gmres.append(np.asarray(end.history.report.n_gmres))
         if n in stored:
             errors = field_errors(state, model, stored[n])
             result += [
                 figure("tube wave", f"{name} at {1e3 * n * dt:g} ms, relative L2", error, 0.0, 0.03)
                 for name, error in zip(("pressure", "displacement"), errors, strict=True)
             ]
-    mean = float(np.mean(np.concatenate(n_linear)))
+    mean = float(np.mean(np.concatenate(n_gmres)))
     return [*result, figure("tube wave", "iterations a step", mean, 0.0, 20.0)]
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.linear import area_vectors, flux
-from jaxfsi.core.laws.interface import bowed_flux
+from jaxfsi.core.laws.interface import mid_edge_flux
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
@@ -77,8 +77,8 @@ def balance(
     u = before.u + alpha * (after.u - before.u)
     Q = jnp.stack([flux(u, x, faces) for faces in model.port_faces]) * wet_ports(model)
     given = flux(u, x, wall)
-    if model.bowed is not None:
-        given = given + jnp.sum(bowed_flux(u, x, model.bowed))
+    if model.mid_edge is not None:
+        given = given + jnp.sum(mid_edge_flux(u, x, model.mid_edge))
     return Balance(jnp.sum(Q), given, jnp.sum(jnp.abs(Q)))
 
 
@@ -94,8 +94,8 @@ def lumen_volume(state: State, model: Model, wall: Int[Array, "3 faces"]) -> Flo
 
     openings = jnp.stack([share(faces) for faces in model.port_faces])
     volume = share(wall) + jnp.sum(wet_ports(model) * openings)
-    if model.bowed is not None:
-        volume = volume + jnp.sum(bowed_flux(state.d, x, model.bowed))
+    if model.mid_edge is not None:
+        volume = volume + jnp.sum(mid_edge_flux(state.d, x, model.mid_edge))
     return volume
 
 

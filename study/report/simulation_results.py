@@ -128,10 +128,10 @@ def _solver(case: Case, setup: Setup, outcome: Outcome) -> dict[str, Any]:
         "resumed_from": outcome.resumed_from,
         "seconds_per_step": outcome.pace,
         "seconds": outcome.seconds,
-        "mean_iterations": float(record.n_linear.mean()) if n else None,
-        "largest_iterations": int(record.n_linear.max()) if n else None,
+        "mean_iterations": float(record.n_gmres.mean()) if n else None,
+        "largest_iterations": int(record.n_gmres.max()) if n else None,
         "largest_residual": float(record.residual.max()) if n else None,
-        "least_volume": float(record.least_volume.min()) if n else None,
+        "least_volume": float(record.min_volume_ratio.min()) if n else None,
         "tolerance": solver_choice(case.solver).tolerance,
         "change_limit": case.solver.change_limit,
     }
@@ -189,10 +189,10 @@ def _history(record: Record, names: tuple[str, ...]) -> dict[str, Any]:
         "Q_ml_per_min": {
             name: numbers(record.Q_port[:, i] / ML_PER_MIN) for name, i in openings.items()
         },
-        "n_linear": record.n_linear[some].tolist(),
+        "n_linear": record.n_gmres[some].tolist(),
         "residual": numbers(record.residual),
         "change": numbers(record.change),
-        "least_volume": numbers(np.minimum(record.least_volume, 1e9)),
+        "least_volume": numbers(np.minimum(record.min_volume_ratio, 1e9)),
     }
 
 

@@ -241,8 +241,8 @@ def run_result(context: RunContext, setup: Setup, outcome: Outcome, run: Planned
         dt_s=plan.dt,
         steps=record.n_steps,
         repeated=len(outcome.events),
-        mean_iterations=float(record.n_linear.mean()),
-        least_volume=float(record.least_volume.min()),
+        mean_iterations=float(record.n_gmres.mean()),
+        least_volume=float(record.min_volume_ratio.min()),
         folder=f"{RUN_FOLDER}/{run.id.name}",
         history=RunHistory(**columns, **site),
     )

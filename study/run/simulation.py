@@ -16,7 +16,7 @@ from jaxfsi.core.step.state import State
 from jaxfsi.simulation import (
     CheckpointError,
     FieldSeries,
-    Glimpse,
+    ProgressRecord,
     Record,
     ShearCycle,
     ShearMeans,
@@ -119,7 +119,7 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
             observers=[series, shear],
             checkpoint=checkpoint,
             checkpoint_every=options.checkpoint_every,
-            glimpse=watch.look,
+            progress=watch.look,
             numerics=stage_key("checkpoint"),
         )
         found = Outcome(
@@ -169,18 +169,18 @@ class _Watch:
         self.pace: float | None = None
         self._written = time.monotonic()
 
-    def look(self, glimpse: Glimpse) -> None:
+    def look(self, progress: ProgressRecord) -> None:
         """Take notice of a chunk."""
         now = time.monotonic()
         if self._begun is None:  # the first chunk compiles
-            self._begun = (now, glimpse.step)
+            self._begun = (now, progress.step)
         begun, step = self._begun
-        if glimpse.step > step:
-            self.pace = (now - begun) / (glimpse.step - step)
-        left = None if self.pace is None else self.pace * (glimpse.n_steps - glimpse.step)
-        self._progress.tell(progress_text(glimpse, self._setup.schedule, self.pace or 0.0), left)
+        if progress.step > step:
+            self.pace = (now - begun) / (progress.step - step)
+        left = None if self.pace is None else self.pace * (progress.n_steps - progress.step)
+        self._progress.tell(progress_text(progress, self._setup.schedule, self.pace or 0.0), left)
         if now - self._written > _HISTORY_SECONDS:
-            write_history(self._folder, glimpse.record, glimpse.names)
+            write_history(self._folder, progress.record, progress.names)
             self._written = now
 
 
@@ -189,17 +189,17 @@ def march_seconds(preset: str, n_steps: int) -> float:
     return _COMPILE_SECONDS + n_steps * _STEP_SECONDS[preset]
 
 
-def progress_text(glimpse: Glimpse, schedule: Schedule, pace: float) -> str:
+def progress_text(progress: ProgressRecord, schedule: Schedule, pace: float) -> str:
     """Step, time, cycle, and pressure and flow of each opening."""
-    cycle = int(glimpse.t / schedule.period + 1e-9) + 1
+    cycle = int(progress.t / schedule.period + 1e-9) + 1
     parts = [
-        f"step {glimpse.step:g} of {glimpse.n_steps}",
-        f"t = {glimpse.t:.4f} s, cycle {cycle}",
-        f"{glimpse.n_linear} iterations",
+        f"step {progress.step:g} of {progress.n_steps}",
+        f"t = {progress.t:.4f} s, cycle {cycle}",
+        f"{progress.n_gmres} iterations",
     ]
     if pace > 0.0:
         parts.append(f"{pace:.2g} s a step")
-    for name, P, Q in zip(glimpse.names, glimpse.P_port, glimpse.Q_port, strict=True):
+    for name, P, Q in zip(progress.names, progress.P_port, progress.Q_port, strict=True):
         if name.endswith(("inlet", "outlet")):
             parts.append(f"{name} {P / MMHG:.1f} mmHg {Q / ML_PER_MIN:.0f} mL/min")
     return ", ".join(parts)

@@ -55,7 +55,7 @@ def added(terms: Iterable[Float[Array, "*shape"]]) -> Float[Array, "*shape"]:
     return functools.reduce(operator.add, terms)
 
 
-def kept_apart(values: Tree, shape: Geometry) -> Tree:
+def fusion_barrier(values: Tree, shape: Geometry) -> Tree:
     """The same values, computed once and stored.
 
     XLA on a CPU repeats whatever leads to a value in every loop that uses it, and a kernel with
@@ -76,8 +76,8 @@ def kept_apart(values: Tree, shape: Geometry) -> Tree:
 
 
 @eqx.filter_custom_jvp
-def kept_in_derivatives(values: Tree, shape: Geometry) -> Tree:
-    """The same values; where they are differentiated, `kept_apart` with all that leads to them.
+def derivative_barrier(values: Tree, shape: Geometry) -> Tree:
+    """The same values; where they are differentiated, `fusion_barrier` with all that leads to them.
 
     Between two stages of a kernel it costs nothing in the kernel itself. In its derivative the
     values of the first stage, and in reverse mode their cotangents, are computed once.
@@ -86,14 +86,14 @@ def kept_in_derivatives(values: Tree, shape: Geometry) -> Tree:
     return values
 
 
-@kept_in_derivatives.def_jvp
+@derivative_barrier.def_jvp
 def _(primals, tangents):
     values, shape = primals
     # the identity as a solve: a linear function whose transpose can be chosen
     change = jax.lax.custom_linear_solve(
-        lambda v: v, tangents[0], lambda _, v: v, lambda _, v: kept_apart(v, shape)
+        lambda v: v, tangents[0], lambda _, v: v, lambda _, v: fusion_barrier(v, shape)
     )
-    return kept_apart(values, shape), change
+    return fusion_barrier(values, shape), change
 
 
 def corners(field: Float[Array, " nodes"], tets: Int[Array, "4 tets"]) -> Corners:

@@ -33,9 +33,9 @@ from jaxfsi.core.elements.linear import (
     Geometry,
     added,
     corners,
+    fusion_barrier,
     gathered,
     gradient,
-    kept_apart,
     scatter,
     total,
 )
@@ -66,13 +66,13 @@ class QuadraticElement(AbstractWallElement):
     tets: Int[Array, "4 tets"]
     edges: Int[Array, "6 tets"]
 
-    def slopes(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
         rows = [[] for _ in range(4)]
         values = [
             (corners(component, self.tets), self._edge_values(component)) for component in field
         ]
-        for d, w in kept_apart(values, shape):
+        for d, w in fusion_barrier(values, shape):
             common = gradient(
                 tuple(d[a] + 4.0 * FAR * self._at_corner(w, a) for a in range(4)), shape
             )
@@ -82,7 +82,7 @@ class QuadraticElement(AbstractWallElement):
                     for j in range(3)
                 ]
                 rows[g].append([common[j] + _SPREAD * bow[j] for j in range(3)])
-        return kept_apart(tuple(rows), shape)
+        return fusion_barrier(tuple(rows), shape)
 
     def law(self, material: AbstractMaterial) -> AbstractMaterial:
         """The material with λ ≤ 2G."""
@@ -139,7 +139,7 @@ class QuadraticElement(AbstractWallElement):
         """∫ P ∇N dV + ∫ ρ_s N a dV [dyn]."""
         grad = shape.grad
         quarter = shape.volume / 4.0
-        stress = kept_apart(stress, shape)
+        stress = fusion_barrier(stress, shape)
         rows = []
         for i in range(3):
             P = [[quarter * point[i][j] for j in range(3)] for point in stress]

@@ -5,8 +5,8 @@ Two choices behind one interface:
 - `LinearElement`: linear tetrahedra, as in most codes; strain is uniform in an element. They
   neither bend nor, near ν = 1/2, stretch freely: a strip of length 1 and thickness 0.1 with one to
   three layers has 0.2 to 0.3 of its deflection.
-- `QuadraticElement` (`jaxfsi.core.elements.quadratic`): the same vertices and, on each edge, a
-  vector that bows it; strain is linear in an element.
+- `QuadraticElement` (`jaxfsi.core.elements.quadratic`): the same vertices and a
+  hierarchical mid-edge mode on each edge; strain is linear in an element.
 """
 
 import abc
@@ -20,8 +20,8 @@ from jaxfsi.core.elements.linear import (
     Corners,
     Geometry,
     added,
+    fusion_barrier,
     gradient,
-    kept_apart,
     scatter,
     total,
     vector_corners,
@@ -65,18 +65,18 @@ class AbstractWallElement(eqx.Module):
     tets: eqx.AbstractVar[Int[Array, "4 tets"]]
 
     @abc.abstractmethod
-    def slopes(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
 
     @abc.abstractmethod
     def law(self, material: AbstractMaterial) -> AbstractMaterial:
-        """What of a material acts point by point."""
+        """The part of the material that acts point by point."""
 
     @abc.abstractmethod
     def pressures(
         self, F: Points, material: AbstractMaterial, shape: Geometry, n: int
     ) -> tuple[Pressure, ...]:
-        """What of a material acts on averaged volumes: a pressure for each of its measures.
+        """Nodally averaged volumetric pressures of the material, one for each volume measure.
 
         Args:
             F: deformation gradients.
@@ -122,7 +122,7 @@ class LinearElement(AbstractWallElement):
 
     tets: Int[Array, "4 tets"]
 
-    def slopes(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
         return ([gradient(component, shape) for component in vector_corners(field, self.tets)],)
 
@@ -154,7 +154,9 @@ class LinearElement(AbstractWallElement):
         own = scatter((share,) * 4, self.tets, a.shape[1])
         inertia = [share * total(corner) for corner in vector_corners(a, self.tets)]
         rows = []
-        for i, (row, whole) in enumerate(zip(stress[0], kept_apart(inertia, shape), strict=True)):
+        for i, (row, whole) in enumerate(
+            zip(stress[0], fusion_barrier(inertia, shape), strict=True)
+        ):
             force = tuple(
                 whole + V * added(grad[j][b] * row[j] for j in range(3)) for b in range(4)
             )

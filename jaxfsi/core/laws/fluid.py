@@ -14,8 +14,8 @@ it is 1/(τ_M tr G), which grows like 1/Δt and locks: it asks each linear eleme
 and they have not enough freedom for that. A tube of 13 000 elements widens by 0.0113 cm under a
 pulse with it, 0.0131 without, 0.0155 to 0.0159 being right, and takes more iterations.
 
-Here c, u′ in c*, τ and μ are taken from a known state (`Frozen`), so that the equations are linear
-in u, a and p; τ is constant on an element and all integrals are exact.
+Here c, u′ in c*, τ and μ are lagged: they are taken from a known state (`LaggedCoefficients`), so
+that the equations are linear in u, a and p. τ is constant on an element; integrals are exact.
 """
 
 from collections.abc import Sequence
@@ -29,9 +29,9 @@ from jaxfsi.core.elements.linear import (
     Geometry,
     added,
     corners,
+    derivative_barrier,
+    fusion_barrier,
     gradient,
-    kept_apart,
-    kept_in_derivatives,
     scatter,
     total,
     vector_corners,
@@ -54,19 +54,19 @@ class Blood(eqx.Module):
     transient_continuity: bool = eqx.field(static=True, default=False)
 
 
-class Frozen(NamedTuple):
+class LaggedCoefficients(NamedTuple):
     """Coefficients of the linearised equations.
 
     Attributes:
-        c: velocity relative to the mesh at the nodes [cm/s].
-        fine: unresolved velocity on each element [cm/s].
+        c: advecting velocity, relative to the mesh, at the nodes [cm/s].
+        subscale: unresolved velocity u′ on each element [cm/s].
         tau_momentum: τ_M [cm³·s/g].
         tau_continuity: τ_C [g/(cm·s)].
         mu: viscosity on each element [g/(cm·s)].
     """
 
     c: Float[Array, "3 nodes"]
-    fine: tuple[Float[Array, " tets"], ...]
+    subscale: tuple[Float[Array, " tets"], ...]
     tau_momentum: Float[Array, " tets"]
     tau_continuity: Float[Array, " tets"]
     mu: Float[Array, " tets"]
@@ -118,7 +118,7 @@ def stabilisation_parameters(
     return 1.0 / (rho_f * rate), rho_f * spread / trace
 
 
-def frozen(
+def lagged_coefficients(
     dt: Parameter,
     u: Float[Array, "3 nodes"],
     a: Float[Array, "3 nodes"],
@@ -127,7 +127,7 @@ def frozen(
     blood: Blood,
     tets: Int[Array, "4 tets"],
     shape: Geometry,
-) -> Frozen:
+) -> LaggedCoefficients:
     """Coefficients of the linearised equations at a known state."""
     c = u - u_mesh
     grad = shape.grad
@@ -137,7 +137,7 @@ def frozen(
     pairs = [(i, j) for i in range(3) for j in range(3)]
     mean = [total(component) / 4.0 for component in vector_corners(c, tets)]
     acceleration = [total(component) / 4.0 for component in vector_corners(a, tets)]
-    mean, acceleration, slope, pressure, metric = kept_in_derivatives(
+    mean, acceleration, grad_u, pressure, metric = derivative_barrier(
         (
             mean,
             acceleration,
@@ -147,22 +147,22 @@ def frozen(
         ),
         shape,
     )
-    mu = blood.viscosity(shear_rate(slope))
+    mu = blood.viscosity(shear_rate(grad_u))
     square = added(metric[i][j] ** 2 for i, j in pairs)
     steady = added(mean[i] * metric[i][j] * mean[j] for i, j in pairs)
     steady = steady + viscous_rate_squared(mu, blood.rho_f, square)
-    steady, mu = kept_in_derivatives((steady, mu), shape)
+    steady, mu = derivative_barrier((steady, mu), shape)
     trace = metric[0][0] + metric[1][1] + metric[2][2]
     tau_momentum, tau_continuity = stabilisation_parameters(
         dt, steady, trace, blood.rho_f, blood.transient_continuity
     )
-    tau_momentum, tau_continuity = kept_in_derivatives((tau_momentum, tau_continuity), shape)
-    fine = []
+    tau_momentum, tau_continuity = derivative_barrier((tau_momentum, tau_continuity), shape)
+    subscale = []
     for i in range(3):
-        convection = added(mean[j] * slope[i][j] for j in range(3))
-        strong = blood.rho_f * (acceleration[i] + convection) + pressure[i]
-        fine.append(-tau_momentum * strong)
-    return Frozen(c, tuple(fine), tau_momentum, tau_continuity, mu)
+        convection = added(mean[j] * grad_u[i][j] for j in range(3))
+        strong_residual = blood.rho_f * (acceleration[i] + convection) + pressure[i]
+        subscale.append(-tau_momentum * strong_residual)
+    return LaggedCoefficients(c, tuple(subscale), tau_momentum, tau_continuity, mu)
 
 
 def fluid_residual(
@@ -170,7 +170,7 @@ def fluid_residual(
     a: Float[Array, "3 nodes"],
     p: Float[Array, " nodes"],
     blood: Blood,
-    coefficients: Frozen,
+    coefficients: LaggedCoefficients,
     tets: Int[Array, "4 tets"],
     shape: Geometry,
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
@@ -183,13 +183,13 @@ def fluid_residual(
         a: time derivative of the velocity at the nodes of the moving mesh [cm/s²].
         p: pressure [dyn/cm²].
         blood: what the blood is like.
-        coefficients: see `frozen`.
+        coefficients: see `lagged_coefficients`.
         tets: elements of the blood.
         shape: their geometry at the time of evaluation.
     """
     n_nodes, V = u.shape[1], shape.volume
-    rho, tau, fine = blood.rho_f, coefficients.tau_momentum, coefficients.fine
-    c, acceleration, velocity, pressure = kept_in_derivatives(
+    rho, tau, subscale = blood.rho_f, coefficients.tau_momentum, coefficients.subscale
+    c, acceleration, velocity, pressure = derivative_barrier(
         (
             vector_corners(coefficients.c, tets),
             vector_corners(a, tets),
@@ -198,14 +198,14 @@ def fluid_residual(
         ),
         shape,
     )
-    slope = tuple(gradient(component, shape) for component in velocity)
-    pressure_slope = gradient(pressure, shape)
+    grad_u = tuple(gradient(component, shape) for component in velocity)
+    grad_p = gradient(pressure, shape)
     sum_c = [total(component) for component in c]
     sum_a = [total(component) for component in acceleration]
-    divergence = slope[0][0] + slope[1][1] + slope[2][2]
+    divergence = grad_u[0][0] + grad_u[1][1] + grad_u[2][2]
     hydrostatic = V * (total(pressure) / 4.0 - coefficients.tau_continuity * divergence)
-    slope, pressure_slope, divergence, hydrostatic, sum_c, sum_a = kept_apart(
-        (slope, pressure_slope, divergence, hydrostatic, sum_c, sum_a), shape
+    grad_u, grad_p, divergence, hydrostatic, sum_c, sum_a = fusion_barrier(
+        (grad_u, grad_p, divergence, hydrostatic, sum_c, sum_a), shape
     )
 
     def integral(f, g, sum_f, sum_g):
@@ -214,32 +214,36 @@ def fluid_residual(
 
     cc = [[integral(c[j], c[k], sum_c[j], sum_c[k]) for k in range(3)] for j in range(3)]
     ca = [[integral(c[j], acceleration[i], sum_c[j], sum_a[i]) for j in range(3)] for i in range(3)]
-    convection = [added(sum_c[j] * slope[i][j] for j in range(3)) for i in range(3)]
-    strong = [V * (rho * (sum_a[i] + convection[i]) / 4.0 + pressure_slope[i]) for i in range(3)]
-    cc, ca, convection, strong = kept_in_derivatives((cc, ca, convection, strong), shape)
-    stresses, by_fine = [], []
+    convection = [added(sum_c[j] * grad_u[i][j] for j in range(3)) for i in range(3)]
+    strong_residual = [V * (rho * (sum_a[i] + convection[i]) / 4.0 + grad_p[i]) for i in range(3)]
+    cc, ca, convection, strong_residual = derivative_barrier(
+        (cc, ca, convection, strong_residual), shape
+    )
+    stresses, by_subscale = [], []
     for i in range(3):
         stress = []
         for j in range(3):
-            upwind = rho * (ca[i][j] + added(cc[j][k] * slope[i][k] for k in range(3)))
-            upwind = upwind + V * sum_c[j] / 4.0 * pressure_slope[i] + fine[j] * strong[i]
-            stress.append(V * coefficients.mu * (slope[i][j] + slope[j][i]) + rho * tau * upwind)
+            upwind = rho * (ca[i][j] + added(cc[j][k] * grad_u[i][k] for k in range(3)))
+            upwind = upwind + V * sum_c[j] / 4.0 * grad_p[i] + subscale[j] * strong_residual[i]
+            stress.append(V * coefficients.mu * (grad_u[i][j] + grad_u[j][i]) + rho * tau * upwind)
         stress[i] = stress[i] - hydrostatic
         stresses.append(stress)
-        by_fine.append(5.0 * added(fine[j] * slope[i][j] for j in range(3)))
-    stresses, by_fine = kept_apart((stresses, by_fine), shape)
+        by_subscale.append(5.0 * added(subscale[j] * grad_u[i][j] for j in range(3)))
+    stresses, by_subscale = fusion_barrier((stresses, by_subscale), shape)
     momentum = []
     for i in range(3):
         force = []
         for b in range(4):
-            through = added(c[j][b] * slope[i][j] for j in range(3)) + convection[i] + by_fine[i]
+            through = (
+                added(c[j][b] * grad_u[i][j] for j in range(3)) + convection[i] + by_subscale[i]
+            )
             inertia = rho * V / 20.0 * (acceleration[i][b] + sum_a[i] + through)
             pull = added(shape.grad[j][b] * stresses[i][j] for j in range(3))
             force.append(inertia + pull)
-        force = kept_in_derivatives(tuple(force), shape)
+        force = derivative_barrier(tuple(force), shape)
         momentum.append(scatter(force, tets, n_nodes))
     continuity = tuple(
-        V / 4.0 * divergence + added(shape.grad[i][b] * tau * strong[i] for i in range(3))
+        V / 4.0 * divergence + added(shape.grad[i][b] * tau * strong_residual[i] for i in range(3))
         for b in range(4)
     )
     return jnp.stack(momentum), scatter(continuity, tets, n_nodes)

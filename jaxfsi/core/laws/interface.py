@@ -1,8 +1,8 @@
-"""Pressure on the edges of the wall that bow at the interface, and the volume that they open.
+"""Pressure on the mid-edge modes of the wall at the interface, and the volume that they open.
 
-The blood's elements are linear and end at the flat faces between the vertices of the wall. Where
-the wall's edges bow, with the function N_e = 4 N_a N_b of an edge, the pressure does work on that
-motion, and the volume that it opens fills with blood::
+The blood's elements are linear and end at the flat faces between the vertices of the wall. On the
+hierarchical mid-edge modes of the wall, with the function N_e = 4 N_a N_b of an edge, the pressure
+does work, and the volume that they open fills with blood::
 
     momentum of edge e: − ∫ p N_e n dA,      continuity of vertex c: + ∫ N_c N_e u_e·n dA
 
@@ -19,8 +19,8 @@ from jaxtyping import Array, Float, Int
 from jaxfsi.core.elements.linear import area_vectors
 
 
-class BowedInterface(eqx.Module):
-    """Faces of the interface whose edges bow.
+class MidEdgeInterface(eqx.Module):
+    """Faces of the interface with mid-edge modes.
 
     Attributes:
         faces: corners, pointing out of the blood.
@@ -31,8 +31,8 @@ class BowedInterface(eqx.Module):
     edges: Int[Array, "3 faces"]
 
 
-def bowed_load(
-    p: Float[Array, " nodes"], x: Float[Array, "3 nodes"], interface: BowedInterface
+def mid_edge_load(
+    p: Float[Array, " nodes"], x: Float[Array, "3 nodes"], interface: MidEdgeInterface
 ) -> Float[Array, "3 nodes"]:
     """Forces of a pressure on the edges [dyn].
 
@@ -50,10 +50,10 @@ def bowed_load(
     return load
 
 
-def bowed_flux(
-    u: Float[Array, "3 nodes"], x: Float[Array, "3 nodes"], interface: BowedInterface
+def mid_edge_flux(
+    u: Float[Array, "3 nodes"], x: Float[Array, "3 nodes"], interface: MidEdgeInterface
 ) -> Float[Array, " nodes"]:
-    """Volume flow into the bows, shared by the vertices: the transpose of `bowed_load` [cm³/s].
+    """Volume flow into the mid-edge modes, by vertex [cm³/s]: `mid_edge_load` transposed.
 
     Args:
         u: velocity [cm/s].

@@ -95,7 +95,7 @@ class Volume(NamedTuple):
 Response = Callable[[Float[Array, " n"]], Float[Array, " n"]]
 """Derivative U′ of the energy of a measure of the volume, at unit modulus."""
 
-KEPT = 2.0
+LOCAL_LAME_RATIO = 2.0
 """λ/G up to which the resistance to changes of volume stays with the law when it is split."""
 
 
@@ -204,7 +204,7 @@ class LinearElastic(AbstractMaterial):
     def split(self) -> tuple["LinearElastic", tuple[Parameter, ...]]:
         """The same law with λ ≤ 2G, and the modulus k [dyn/cm²] left over for each measure."""
         lam, G = self.moduli
-        kept = jnp.minimum(lam, KEPT * G)
+        kept = jnp.minimum(lam, LOCAL_LAME_RATIO * G)
         return LinearElastic(*_young_and_poisson(kept, G)), (lam - kept,)
 
     def volumes(self, F: Tensor) -> tuple[Volume, ...]:
@@ -249,7 +249,7 @@ class SaintVenantKirchhoff(AbstractMaterial):
     def split(self) -> tuple["SaintVenantKirchhoff", tuple[Parameter, ...]]:
         """The same law with λ ≤ 2G, and the modulus k [dyn/cm²] left over for each measure."""
         lam, G = _lame(self.E, self.nu)
-        share = jnp.minimum(1.0, KEPT * G / (lam + self.volumetric_penalty))
+        share = jnp.minimum(1.0, LOCAL_LAME_RATIO * G / (lam + self.volumetric_penalty))
         kept, penalty = share * lam, share * self.volumetric_penalty
         law = SaintVenantKirchhoff(*_young_and_poisson(kept, G), penalty)
         return law, (lam - kept, self.volumetric_penalty - penalty)
@@ -292,7 +292,7 @@ class NeoHookean(AbstractMaterial):
     def split(self) -> tuple["NeoHookean", tuple[Parameter, ...]]:
         """The same law with λ ≤ 2G, and the modulus k [dyn/cm²] left over for each measure."""
         lam, G = self.moduli
-        kept = jnp.minimum(lam, KEPT * G)
+        kept = jnp.minimum(lam, LOCAL_LAME_RATIO * G)
         return NeoHookean(*_young_and_poisson(kept, G)), (lam - kept,)
 
     def volumes(self, F: Tensor) -> tuple[Volume, ...]:

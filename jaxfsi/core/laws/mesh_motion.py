@@ -46,8 +46,8 @@ def mesh_motion(model: Model) -> MeshMotion:
     points, tets = np.asarray(model.x).T, np.asarray(model.fluid_tets).T
     shape = host_geometry(points, tets)
     matrix = assembled(tets, stiffness(shape, 1.0 / shape.volume), len(points))
-    free = np.flatnonzero(~np.asarray(model.mesh_held))
-    near = np.flatnonzero(np.any(np.asarray(model.mesh_held)[tets], axis=1))
+    free = np.flatnonzero(~np.asarray(model.mesh_prescribed))
+    near = np.flatnonzero(np.any(np.asarray(model.mesh_prescribed)[tets], axis=1))
     x, y, z = (tuple(jnp.asarray(shape.grad[near, a, j]) for a in range(4)) for j in range(3))
     return MeshMotion(
         nested_factor(matrix[free][:, free], points=points[free]),

@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements.linear import Geometry, kept_apart
+from jaxfsi.core.elements.linear import Geometry, fusion_barrier
 from jaxfsi.core.elements.wall import AbstractWallElement, Points
 from jaxfsi.core.laws.materials import (
     AbstractMaterial,
@@ -44,7 +44,7 @@ class Wall(eqx.Module):
         above=("rho_s",), least=("damping", "support_stiffness", "support_damping")
     )
     material: AbstractMaterial
-    rho_s: Parameter = parameter(default=1.1)
+    rho_s: Parameter = parameter(default=1.0)
     damping: Parameter = parameter(default=0.0)
     support_stiffness: Parameter = parameter(default=0.0)
     support_damping: Parameter = parameter(default=0.0)
@@ -77,7 +77,7 @@ def wall_motion(
     shape: Geometry,
 ) -> WallMotion:
     """Deformation of velocities u [cm/s] and displacements d [cm]."""
-    rate = tuple(combined((1.0, H)) for H in element.slopes(u, shape))
+    rate = tuple(combined((1.0, H)) for H in element.gradients(u, shape))
     return WallMotion(deformation_gradients(d, element, shape), rate)
 
 
@@ -85,7 +85,7 @@ def deformation_gradients(
     d: Float[Array, "3 nodes"], element: AbstractWallElement, shape: Geometry
 ) -> Points:
     """F = I + ∂d/∂X at the quadrature points of each element."""
-    return tuple(plus_identity(H, 1.0) for H in element.slopes(d, shape))
+    return tuple(plus_identity(H, 1.0) for H in element.gradients(d, shape))
 
 
 def solid_residual(
@@ -109,13 +109,13 @@ def solid_residual(
         prestress: second Piola-Kirchhoff stress that is there without deformation, at each
             quadrature point [dyn/cm²].
     """
-    F, rate = kept_apart(wall_motion(u, d, element, shape), shape)
+    F, rate = fusion_barrier(wall_motion(u, d, element, shape), shape)
     elastic = elastic_stress(F, wall.material, element, shape, u.shape[1])
     stress = tuple(
         combined((1.0, P), (1.0, inelastic_stress(F[g], rate[g], wall, prestress_at(prestress, g))))
         for g, P in enumerate(elastic)
     )
-    stress = kept_apart(stress, shape)
+    stress = fusion_barrier(stress, shape)
     return element.forces(stress, a, wall.rho_s * shape.volume, shape)
 
 

@@ -31,7 +31,7 @@ class KrylovSolution(NamedTuple):
     residual: Float[Array, ""]
 
 
-def length(v: Vector) -> Float[Array, ""]:
+def euclidean_norm(v: Vector) -> Float[Array, ""]:
     """Euclidean norm, as a product: XLA on a CPU takes three times as long for the sum."""
     return jnp.sqrt(jnp.vdot(v, v))
 
@@ -55,7 +55,7 @@ def _least_squares(
     r = r + jnp.diag(jnp.where(used, 0.0, 1.0))
     y = jnp.where(used, jax.scipy.linalg.solve_triangular(r, jnp.where(used, right, 0.0)), 0.0)
     remainder = jnp.zeros(H.shape[0], H.dtype).at[0].set(norm) - H @ y
-    return y, length(remainder)
+    return y, euclidean_norm(remainder)
 
 
 def fgmres(
@@ -75,7 +75,7 @@ def fgmres(
         tolerance: the norm of the residual at which to stop.
         max_iterations: at most so many iterations.
     """
-    norm = length(b)
+    norm = euclidean_norm(b)
     m = max_iterations
 
     def proceed(s: _Arnoldi):
@@ -91,7 +91,7 @@ def fgmres(
             return w - overlap * s.basis[i], h.at[i].set(overlap)
 
         w, h = jax.lax.fori_loop(0, s.k + 1, orthogonalise, (w, jnp.zeros(m + 1, b.dtype)))
-        rest = length(w)
+        rest = euclidean_norm(w)
         basis = s.basis.at[s.k + 1].set(jnp.where(rest > 0.0, w / rest, 0.0))
         hessenberg = s.hessenberg.at[:, s.k].set(h.at[s.k + 1].set(rest))
         _, residual = _least_squares(hessenberg, s.k + 1, norm)

@@ -3,7 +3,7 @@
 Newton's method with GMRES, started from the extrapolated state, on the tangent of `operator` in
 single precision. One solve is often enough; the residual is evaluated again in double precision,
 and a correction follows where it asks for one. In a slit, where steps of 2 ms cross ten elements,
-a correction brings the residual down to a fifth with the derivative of what carries in the tangent,
+a correction brings the residual down to a fifth with the derivative of the advecting velocity,
 to two thirds without. Residuals are weighted by the square root of the frozen diagonal, which makes
 momentum and continuity comparable (both become the root of a power).
 
@@ -25,22 +25,21 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.solve.krylov import fgmres, length
+from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
 from jaxfsi.core.solve.preconditioner import precondition, precondition_transposed, with_blood
 from jaxfsi.core.solve.tangent import apply_elements, blood_diagonal, step_tangent
-from jaxfsi.core.step.equations import Step, Unknowns, renewed, residual
+from jaxfsi.core.step.equations import Step, Unknowns, relinearised, residual
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.stepper import Stepper
 
 LEAST_REDUCTION = 1e-4
-"""Furthest that one linear solve in single precision is asked to reduce its residual."""
+"""Smallest relative tolerance requested of a float32 linear solve."""
 
 ROUND_OFF = 1e-14
 """Share of the forces on a node below which their sum cannot be told from zero."""
 
 SLACK = 10.0
-"""Multiple of the tolerance that may be left where a linear system, solved to half the tolerance,
-shows that its coefficients were those of an earlier iterate."""
+"""A nonlinear residual of at most SLACK × tolerance is accepted without linearising again."""
 
 DERIVATIVE_SHARE, DERIVATIVE_TOLERANCES = 1e-2, (1e-6, 1e-5)
 """Relative residual of the systems that give derivatives: its share of the tolerance of a step, and
@@ -61,14 +60,14 @@ class Convergence(NamedTuple):
     """How a solve went.
 
     Attributes:
-        n_linear: iterations of GMRES in all.
-        n_nonlinear: linear systems solved.
+        n_gmres: iterations of GMRES in all.
+        n_newton: linear systems solved.
         residual: weighted residual at the end over that of the extrapolated state, or over a
             multiple of the round-off of the forces where that is larger.
     """
 
-    n_linear: Int[Array, ""]
-    n_nonlinear: Int[Array, ""]
+    n_gmres: Int[Array, ""]
+    n_newton: Int[Array, ""]
     residual: Float[Array, ""]
 
 
@@ -77,15 +76,15 @@ class _Scaling(NamedTuple):
 
     Attributes:
         weight: of the residuals, in double precision.
-        held: rows that say what an unknown is held at.
+        prescribed: rows of prescribed unknowns.
     """
 
     weight: Flat
-    held: Bool[Array, " unknowns"]
+    prescribed: Bool[Array, " unknowns"]
 
     def norm(self, r: Flat) -> Float[Array, ""]:
         """Weighted norm of a residual."""
-        return length(self.weight * r)
+        return euclidean_norm(self.weight * r)
 
     def correction(self, product, inverse, r: Flat, tolerance, max_iterations: int):
         """Solve product(x) = r in single precision to a relative tolerance.
@@ -105,14 +104,14 @@ class _Scaling(NamedTuple):
         def approximate(v: Flat) -> Flat:
             v = v / weight
             z = inverse(v[:n_u].reshape(3, -1), v[n_u:])
-            return jnp.where(self.held, v, ravel_pytree(z)[0])
+            return jnp.where(self.prescribed, v, ravel_pytree(z)[0])
 
         b = weight * (r / scale).astype(jnp.float32)
         found = fgmres(
             lambda v: weight * product(v),
             b,
             approximate,
-            tolerance=jnp.asarray(tolerance, jnp.float32) * length(b),
+            tolerance=jnp.asarray(tolerance, jnp.float32) * euclidean_norm(b),
             max_iterations=max_iterations,
         )
         return found.x.astype(r.dtype) * scale, found.n_iterations
@@ -126,8 +125,8 @@ def single(tree):
 def _scaling(model: Model, stepper: Stepper) -> _Scaling:
     M = stepper.preconditioner
     weight = jnp.concatenate([M.velocity_scale.reshape(-1), M.pressure_scale])
-    held = jnp.concatenate([jnp.tile(model.held, 3), ~model.in_fluid])
-    return _Scaling(weight, held)
+    prescribed = jnp.concatenate([jnp.tile(model.prescribed, 3), ~model.in_fluid])
+    return _Scaling(weight, prescribed)
 
 
 def linearised(y: Unknowns, model: Model, step: Step, stepper: Stepper):
@@ -151,16 +150,16 @@ class _Iterate(NamedTuple):
         norm: weighted residual before it.
         first: that of the extrapolated state.
         asks: whether the residual asked for a correction.
-        n_nonlinear: corrections so far; -1 before the first residual.
-        n_linear: iterations of GMRES so far.
+        n_newton: corrections so far; -1 before the first residual.
+        n_gmres: iterations of GMRES so far.
     """
 
     y: Flat
     norm: Float[Array, ""]
     first: Float[Array, ""]
     asks: Bool[Array, ""]
-    n_nonlinear: Int[Array, ""]
-    n_linear: Int[Array, ""]
+    n_newton: Int[Array, ""]
+    n_gmres: Int[Array, ""]
 
 
 def solve_step(
@@ -174,18 +173,18 @@ def solve_step(
     strain = (
         step.state.d / stepper.method.weights(step.dt)[2] / stepper.preconditioner.velocity_scale
     )
-    forces = length(start / scaling.weight) + length(strain.reshape(-1))
+    forces = euclidean_norm(start / scaling.weight) + euclidean_norm(strain.reshape(-1))
 
     def proceed(s: _Iterate):
-        return s.asks & (s.n_nonlinear < stepper.max_nonlinear)
+        return s.asks & (s.n_newton < stepper.max_nonlinear)
 
     def evaluate(s: _Iterate) -> _Iterate:
         y = unravel(s.y)
-        here = renewed(y, model, step, stepper.method)
+        here = relinearised(y, model, step, stepper.method)
         r = ravel_pytree(residual(y, model, here, stepper.method))[0]
         norm = scaling.norm(r)
         first = jnp.where(
-            s.n_nonlinear < 0, jnp.maximum(norm, ROUND_OFF * forces / stepper.tolerance), s.first
+            s.n_newton < 0, jnp.maximum(norm, ROUND_OFF * forces / stepper.tolerance), s.first
         )
         asks = norm > SLACK * stepper.tolerance * first
 
@@ -201,16 +200,16 @@ def solve_step(
         def stay():
             return s.y, jnp.zeros((), int)
 
-        n_nonlinear = s.n_nonlinear + 1
-        y, n = jax.lax.cond(asks & (n_nonlinear < stepper.max_nonlinear), correct, stay)
-        return _Iterate(y, norm, first, asks, n_nonlinear, s.n_linear + n)
+        n_newton = s.n_newton + 1
+        y, n = jax.lax.cond(asks & (n_newton < stepper.max_nonlinear), correct, stay)
+        return _Iterate(y, norm, first, asks, n_newton, s.n_gmres + n)
 
     zero, one = jnp.zeros((), int), jnp.ones(())
     end = jax.lax.while_loop(
         proceed, evaluate, _Iterate(start, one, one, jnp.asarray(True), zero - 1, zero)
     )
     remainder = end.norm / jnp.where(end.first > 0.0, end.first, 1.0)
-    return unravel(end.y), Convergence(end.n_linear, end.n_nonlinear, remainder)
+    return unravel(end.y), Convergence(end.n_gmres, end.n_newton, remainder)
 
 
 @eqx.filter_custom_jvp
@@ -229,14 +228,14 @@ def _(primals, tangents):
     _, model_change, step_change, _ = tangents
 
     def equations(model: Model, step: Step, y: Unknowns = y):
-        return residual(y, model, renewed(y, model, step, stepper.method), stepper.method)
+        return residual(y, model, relinearised(y, model, step, stepper.method), stepper.method)
 
     r, change = eqx.filter_jvp(equations, (model, step), (model_change, step_change))
     # a row that does not depend on what is changed has no tangent
     change = jax.tree.map(lambda r, dr: jnp.zeros_like(r) if dr is None else dr, r, change)
     b, unravel = ravel_pytree(change)
     scaling = _scaling(model, stepper)
-    forward, M = linearised(y, model, renewed(y, model, step, stepper.method), stepper)
+    forward, M = linearised(y, model, relinearised(y, model, step, stepper.method), stepper)
     backward = jax.linear_transpose(forward, b.astype(jnp.float32))
 
     # outside of the loops, which would evaluate the equations again with every product

@@ -99,14 +99,14 @@ def preconditioner(
 ) -> Preconditioner:
     """Factor the step of a model with concrete parameters."""
     points = np.asarray(model.x).T
-    held, in_solid = np.asarray(model.held), np.asarray(model.in_solid)
+    prescribed, in_solid = np.asarray(model.prescribed), np.asarray(model.in_solid)
     in_fluid = np.asarray(model.in_fluid)
     fluid = np.asarray(model.fluid_tets).T
     shape = host_geometry(points, fluid)
     blocks = _blocks(dt, model, method, shape)
     wall_nodes = wall_vertices(model)
     wall = wall_factor(blocks.A_wall, model, Weights(*method.weights(dt)), dtype=dtype)
-    free_fluid = in_fluid & ~in_solid & ~held
+    free_fluid = in_fluid & ~in_solid & ~prescribed
     inverse_diagonal = np.where(free_fluid[:, None], 1.0 / blocks.diagonal, 0.0)
     wet = np.flatnonzero(in_fluid)
     S = blocks.C
@@ -127,7 +127,7 @@ def preconditioner(
         jnp.asarray(neighbour, jnp.int32),
         jnp.asarray(G, dtype),
         jnp.asarray(G_transposed, dtype),
-        jnp.asarray(np.where(held[:, None], 1.0, blocks.diagonal**-0.5).T),
+        jnp.asarray(np.where(prescribed[:, None], 1.0, blocks.diagonal**-0.5).T),
         jnp.asarray(S_diagonal**-0.5),
     )
 

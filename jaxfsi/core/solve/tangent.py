@@ -34,15 +34,15 @@ from jaxfsi.core.elements.linear import (
     Corners,
     added,
     corners,
+    fusion_barrier,
     gradient,
-    kept_apart,
     scatter,
     total,
     vector_corners,
 )
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.fluid import velocity_gradient
-from jaxfsi.core.laws.interface import bowed_flux, bowed_load
+from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.tissue import tissue_force
 from jaxfsi.core.ports.port import PortMotion
 from jaxfsi.core.solve.wall_tangent import WallTangent, apply_wall, wall_tangent
@@ -57,22 +57,22 @@ class BloodTangent(NamedTuple):
     Attributes:
         A: entries A_ab of momentum, row by row, the same for each component.
         upwind: w_u ρτ ∫ c*·∇N_a.
-        strong: τρ ∫ (w_a N_b + w_u c·∇N_b).
+        strong_residual: τρ ∫ (w_a N_b + w_u c·∇N_b).
         shear: w_u μ V.
         spread: w_u τ_C V.
         mean: w_u V/4.
         least: w_u τ V.
-        carried: ρ ∂u_i/∂x_j.
+        reaction: convective reaction ρ ∂u_i/∂x_j.
     """
 
     A: tuple[Float[Array, " tets"], ...]
     upwind: Corners
-    strong: Corners
+    strong_residual: Corners
     shear: Float[Array, " tets"]
     spread: Float[Array, " tets"]
     mean: Float[Array, " tets"]
     least: Float[Array, " tets"]
-    carried: tuple[tuple[Float[Array, " tets"], ...], ...]
+    reaction: tuple[tuple[Float[Array, " tets"], ...], ...]
 
 
 class StepTangent(NamedTuple):
@@ -117,24 +117,24 @@ def _blood_tangent(
         ]
         for i in range(3)
     ]
-    advected = [V * (sum_c[j] / 4.0 + k.fine[j]) for j in range(3)]
+    advected = [V * (sum_c[j] / 4.0 + k.subscale[j]) for j in range(3)]
     along = [added(sum_c[j] / 4.0 * grad[j][b] for j in range(3)) for b in range(4)]
-    c_value, cc, advected, along = kept_apart((c_value, cc, advected, along), shape)
+    c_value, cc, advected, along = fusion_barrier((c_value, cc, advected, along), shape)
     # ∫ ρ c* (w_a N_b + w_u c·∇N_b)
     inertia = [
         [
-            rho * w_a * (c_value[i][b] + V / 4.0 * k.fine[i])
+            rho * w_a * (c_value[i][b] + V / 4.0 * k.subscale[i])
             + rho
             * w_u
-            * (added(cc[i][j] * grad[j][b] for j in range(3)) + V * k.fine[i] * along[b])
+            * (added(cc[i][j] * grad[j][b] for j in range(3)) + V * k.subscale[i] * along[b])
             for b in range(4)
         ]
         for i in range(3)
     ]
-    inertia = kept_apart(inertia, shape)
+    inertia = fusion_barrier(inertia, shape)
     A, upwind = [], []
     for a in range(4):
-        test = [c_value[j][a] + V / 4.0 * k.fine[j] for j in range(3)]
+        test = [c_value[j][a] + V / 4.0 * k.subscale[j] for j in range(3)]
         upwind.append(w_u * rho * tau * added(grad[j][a] * advected[j] for j in range(3)))
         for b in range(4):
             share = float(MASS[a, b])
@@ -142,19 +142,19 @@ def _blood_tangent(
             stabilised = tau * added(grad[j][a] * inertia[j][b] for j in range(3))
             laplace = w_u * V * added(grad[j][a] * grad[j][b] for j in range(3))
             A.append(rho * (galerkin + stabilised) + mu * laplace)
-    strong = tuple(tau * rho * V * (w_a / 4.0 + w_u * along[b]) for b in range(4))
-    slope = velocity_gradient(u, model.fluid_tets, shape)
+    strong_residual = tuple(tau * rho * V * (w_a / 4.0 + w_u * along[b]) for b in range(4))
+    gradients = velocity_gradient(u, model.fluid_tets, shape)
     found = BloodTangent(
         tuple(A),
         tuple(upwind),
-        strong,
+        strong_residual,
         shear=w_u * V * mu,
         spread=w_u * V * k.tau_continuity,
         mean=0.25 * w_u * V,
         least=w_u * V * tau,
-        carried=tuple(tuple(rho * entry for entry in row) for row in slope),
+        reaction=tuple(tuple(rho * entry for entry in row) for row in gradients),
     )
-    return kept_apart(found, shape)
+    return fusion_barrier(found, shape)
 
 
 def apply_elements(
@@ -164,34 +164,35 @@ def apply_elements(
     blood, tets, n, shape = tangent.blood, model.fluid_tets, model.n_nodes, step.fluid_shape
     grad = shape.grad
     velocity, pressure = vector_corners(v.u, tets), corners(v.p, tets)
-    slope = [gradient(component, shape) for component in velocity]
-    pressure_slope = gradient(pressure, shape)
-    divergence = slope[0][0] + slope[1][1] + slope[2][2]
+    gradients = [gradient(component, shape) for component in velocity]
+    grad_p = gradient(pressure, shape)
+    divergence = gradients[0][0] + gradients[1][1] + gradients[2][2]
     hydrostatic = blood.spread * divergence - blood.mean * total(pressure)
-    carried = _carried(blood, velocity)
-    push = [pressure_slope[i] + carried[i] for i in range(3)]
-    strong = [
-        added(blood.strong[b] * velocity[i][b] for b in range(4)) + blood.least * push[i]
+    reaction = _reaction(blood, velocity)
+    forcing = [grad_p[i] + reaction[i] for i in range(3)]
+    strong_residual = [
+        added(blood.strong_residual[b] * velocity[i][b] for b in range(4))
+        + blood.least * forcing[i]
         for i in range(3)
     ]
     volume_rate = blood.mean * divergence
-    slope, push, carried, hydrostatic, strong, volume_rate = kept_apart(
-        (slope, push, carried, hydrostatic, strong, volume_rate), shape
+    gradients, forcing, reaction, hydrostatic, strong_residual, volume_rate = fusion_barrier(
+        (gradients, forcing, reaction, hydrostatic, strong_residual, volume_rate), shape
     )
     rows = []
     for i in range(3):
-        stress = [blood.shear * slope[j][i] for j in range(3)]
+        stress = [blood.shear * gradients[j][i] for j in range(3)]
         stress[i] = stress[i] + hydrostatic
         force = tuple(
             added(blood.A[4 * a + b] * velocity[i][b] for b in range(4))
-            + blood.upwind[a] * push[i]
+            + blood.upwind[a] * forcing[i]
             + added(grad[j][a] * stress[j] for j in range(3))
-            + 0.2 * blood.mean * (4.0 * carried[i] + _carried_at(blood, velocity, i, a))
+            + 0.2 * blood.mean * (4.0 * reaction[i] + _reaction_at(blood, velocity, i, a))
             for a in range(4)
         )
         rows.append(scatter(force, tets, n))
     continuity = tuple(
-        volume_rate + added(grad[i][a] * strong[i] for i in range(3)) for a in range(4)
+        volume_rate + added(grad[i][a] * strong_residual[i] for i in range(3)) for a in range(4)
     )
     r_p = scatter(continuity, tets, n)
     return _closed(tangent, v, jnp.stack(rows), r_p, model, step, method)
@@ -202,24 +203,26 @@ def blood_diagonal(
 ) -> tuple[Float[Array, " nodes"], ...]:
     """Diagonal of the blood's share of momentum, of each component; zero in the wall.
 
-    What carries is left out: its gradient has either sign.
+    The convective reaction is left out: the velocity gradient has either sign.
     """
     blood, grad = tangent.blood, step.fluid_shape.grad
     stress = blood.shear + blood.spread
     own = [tuple(blood.A[5 * a] + stress * grad[i][a] ** 2 for a in range(4)) for i in range(3)]
-    own = kept_apart(own, step.fluid_shape)
+    own = fusion_barrier(own, step.fluid_shape)
     return tuple(scatter(corner, model.fluid_tets, model.n_nodes) for corner in own)
 
 
-def _carried(blood: BloodTangent, v: Sequence[Corners]) -> list[Float[Array, " tets"]]:
+def _reaction(blood: BloodTangent, v: Sequence[Corners]) -> list[Float[Array, " tets"]]:
     """ρ (v·∇)u with the mean of a change v on each element [dyn/cm³]."""
     mean = [total(component) / 4.0 for component in v]
-    return [added(blood.carried[i][j] * mean[j] for j in range(3)) for i in range(3)]
+    return [added(blood.reaction[i][j] * mean[j] for j in range(3)) for i in range(3)]
 
 
-def _carried_at(blood: BloodTangent, v: Sequence[Corners], i: int, a: int) -> Float[Array, " tets"]:
+def _reaction_at(
+    blood: BloodTangent, v: Sequence[Corners], i: int, a: int
+) -> Float[Array, " tets"]:
     """Component i of ρ (v·∇)u at corner a."""
-    return added(blood.carried[i][j] * v[j][a] for j in range(3))
+    return added(blood.reaction[i][j] * v[j][a] for j in range(3))
 
 
 def _closed(
@@ -231,18 +234,18 @@ def _closed(
     step: Step,
     method: GeneralizedAlpha,
 ) -> Unknowns:
-    """The blood's product with that of wall and ports, and the rows of held unknowns."""
+    """The blood's product with that of wall and ports, and the rows of prescribed unknowns."""
     if model.wall is not None and tangent.wall is not None:
         _, w_u, w_d = method.weights(step.dt)
         r_u = r_u + apply_wall(tangent.wall, v.u, model.element, step.solid_shape)
         support = w_d * model.wall.support_stiffness + w_u * model.wall.support_damping
         r_u = r_u + tissue_force(support * v.u, model)
-    if model.bowed is not None:
+    if model.mid_edge is not None:
         _, w_u, _ = method.weights(step.dt)
-        r_u = r_u - w_u * bowed_load(v.p, step.x, model.bowed)
-        r_p = r_p + w_u * bowed_flux(v.u, step.x, model.bowed)
+        r_u = r_u - w_u * mid_edge_load(v.p, step.x, model.mid_edge)
+        r_p = r_p + w_u * mid_edge_flux(v.u, step.x, model.mid_edge)
     r_u = r_u - _port_slope(v.u, model, step, method)
-    return Unknowns(jnp.where(model.held, v.u, r_u), jnp.where(model.in_fluid, r_p, v.p))
+    return Unknowns(jnp.where(model.prescribed, v.u, r_u), jnp.where(model.in_fluid, r_p, v.p))
 
 
 def _port_slope(

@@ -20,7 +20,7 @@ from jaxfsi.core.elements.assembly import (
 )
 from jaxfsi.core.elements.quadratic import EDGES, QuadraticElement
 from jaxfsi.core.elements.wall import Weights
-from jaxfsi.core.laws.materials import KEPT
+from jaxfsi.core.laws.materials import LOCAL_LAME_RATIO
 from jaxfsi.core.step.model import Model
 
 
@@ -46,7 +46,7 @@ def _elements(model: Model, weights: Weights) -> _Elements:
     lam, G = (w_d * _per_tet(m, n) for m in wall.material.moduli)
     spread = np.zeros(model.n_nodes)
     if isinstance(model.element, QuadraticElement):
-        kept = np.minimum(lam, KEPT * G)
+        kept = np.minimum(lam, LOCAL_LAME_RATIO * G)
         corner, quarter = tets.ravel(), np.repeat(shape.volume / 4.0, 4)
         share = np.bincount(corner, quarter, model.n_nodes)
         excess = np.bincount(corner, np.repeat(lam - kept, 4) * quarter, model.n_nodes)
@@ -86,7 +86,7 @@ def edge_blocks(model: Model, weights: Weights) -> Float[np.ndarray, "edges 3 3"
     n_edges = model.n_nodes - model.n_vertices
     grad, V = e.shape
     blocks = np.zeros((n_edges, 3, 3))
-    keys, slopes = [], []
+    keys, gradients = [], []
     for k, (a, b) in enumerate(EDGES):
         ga, gb = grad[:, a], grad[:, b]
         T = np.einsum("ei,ej->eij", ga, ga) + np.einsum("ei,ej->eij", gb, gb)
@@ -98,9 +98,9 @@ def edge_blocks(model: Model, weights: Weights) -> Float[np.ndarray, "edges 3 3"
         for v in range(4):
             weight = 0.2 * V[:, None] * ((1 + (v == a)) * gb + (1 + (v == b)) * ga)
             keys.append(e.tets[:, v] * n_edges + index[:, k])
-            slopes.append(weight)
+            gradients.append(weight)
     pair, place = np.unique(np.concatenate(keys), return_inverse=True)
-    total = np.concatenate(slopes)
+    total = np.concatenate(gradients)
     c = np.stack([np.bincount(place, total[:, i]) for i in range(3)], axis=1)
     vertex, edge = np.divmod(pair, n_edges)
     values = e.spread[vertex][:, None, None] * np.einsum("pi,pj->pij", c, c)

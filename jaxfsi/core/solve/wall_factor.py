@@ -78,7 +78,7 @@ def wall_factor(
         weights: of acceleration, velocity and displacement in the tangent.
         dtype: precision in which the factor is kept.
     """
-    held = np.asarray(model.held)
+    prescribed = np.asarray(model.prescribed)
     nodes = wall_vertices(model)
     unknowns = (3 * nodes[:, None] + np.arange(3)).ravel()
     vertices = nested_factor(
@@ -91,7 +91,7 @@ def wall_factor(
     shape = geometry(model.x, model.solid_tets)
     if model.wall is not None and model.n_nodes > model.n_vertices:
         inverse = np.linalg.inv(edge_blocks(model, weights))
-        inverse[held[model.n_vertices :]] = 0.0
+        inverse[prescribed[model.n_vertices :]] = 0.0
         weights = Weights(*(jnp.asarray(w, float) for w in weights))
         rest = jnp.zeros_like(model.x)
         tangent = eqx.filter_jit(wall_tangent)(
@@ -116,7 +116,7 @@ def wall_factor(
 
 def wall_vertices(model: Model) -> Int[np.ndarray, " wall"]:
     """Free vertices of the wall of a concrete model."""
-    free = np.asarray(model.in_solid) & ~np.asarray(model.held)
+    free = np.asarray(model.in_solid) & ~np.asarray(model.prescribed)
     return np.flatnonzero(free[: model.n_vertices])
 
 

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements.linear import Corners, Geometry, added, kept_apart
+from jaxfsi.core.elements.linear import Corners, Geometry, added, fusion_barrier
 from jaxfsi.core.elements.wall import AbstractWallElement, Points, Weights
 from jaxfsi.core.laws.materials import Tensor, combined
 from jaxfsi.core.laws.solid import Wall, inelastic_stress, local_stress, wall_motion
@@ -32,13 +32,13 @@ class WallTangent(NamedTuple):
     Attributes:
         moduli: change of each component of the stress by the nine of ∂v_i/∂X_j, row by row
             [dyn·s/cm³].
-        slopes: ∂q_m/∂F of each averaged measure of the volume.
+        gradients: ∂q_m/∂F of each averaged measure of the volume.
         stiffness: change of its pressure round each vertex [dyn·s/cm²].
         mass: of the elements, times the weight of the acceleration [g/s].
     """
 
     moduli: Sequence[Sequence[Float[Array, "9 tets"]]]
-    slopes: tuple[Tensor, ...]
+    gradients: tuple[Tensor, ...]
     stiffness: tuple[Float[Array, " nodes"], ...]
     mass: Float[Array, " tets"]
 
@@ -65,7 +65,7 @@ def wall_tangent(
     """
     motion = wall_motion(u, d, element, shape)
     pressures = element.pressures(motion.F, wall.material, shape, u.shape[1])
-    F, rate = kept_apart((_mean(motion.F), _mean(motion.rate)), shape)
+    F, rate = fusion_barrier((_mean(motion.F), _mean(motion.rate)), shape)
     p = [added(pressure.value) / len(pressure.value) for pressure in pressures]
     S = None if prestress is None else jnp.mean(prestress, axis=2)
 
@@ -83,10 +83,10 @@ def wall_tangent(
 
     # All nine at once: the law is compiled once.
     moduli = jax.vmap(change)(jnp.eye(9, dtype=one.dtype).reshape(9, 3, 3))
-    slopes = tuple(v.slope for v in wall.material.volumes(F)) if pressures else ()
+    gradients = tuple(v.slope for v in wall.material.volumes(F)) if pressures else ()
     return WallTangent(
-        kept_apart(moduli, shape),
-        kept_apart(slopes, shape),
+        fusion_barrier(moduli, shape),
+        fusion_barrier(gradients, shape),
         tuple(weights.d * pressure.stiffness for pressure in pressures),
         weights.a * wall.rho_s * shape.volume,
     )
@@ -103,13 +103,13 @@ def apply_wall(
     shape: Geometry,
 ) -> Float[Array, "3 nodes"]:
     """Change of the wall's forces along v."""
-    slopes = element.slopes(v, shape)
-    stress = [_contracted(tangent.moduli, H) for H in slopes]
-    for slope, stiffness in zip(tangent.slopes, tangent.stiffness, strict=True):
-        q = tuple(added(slope[i][j] * H[i][j] for i in _AXES for j in _AXES) for H in slopes)
+    gradients = element.gradients(v, shape)
+    stress = [_contracted(tangent.moduli, H) for H in gradients]
+    for slope, stiffness in zip(tangent.gradients, tangent.stiffness, strict=True):
+        q = tuple(added(slope[i][j] * H[i][j] for i in _AXES for j in _AXES) for H in gradients)
         p: Corners = element.spread(q, stiffness, shape)
         stress = [combined((1.0, P), (change, slope)) for P, change in zip(stress, p, strict=True)]
-    return element.forces(kept_apart(tuple(stress), shape), v, tangent.mass, shape)
+    return element.forces(fusion_barrier(tuple(stress), shape), v, tangent.mass, shape)
 
 
 def _contracted(moduli: Sequence[Sequence[Float[Array, "9 tets"]]], H: Tensor) -> Tensor:

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float, Int
 from jaxfsi.core.elements.linear import geometry
 from jaxfsi.core.elements.quadratic import QuadraticElement, edges_of_faces
 from jaxfsi.core.elements.wall import Weights
-from jaxfsi.core.laws.interface import BowedInterface, bowed_load
+from jaxfsi.core.laws.interface import MidEdgeInterface, mid_edge_load
 from jaxfsi.core.laws.solid import solid_residual
 from jaxfsi.core.laws.tissue import tissue_force
 from jaxfsi.core.solve.krylov import fgmres
@@ -91,14 +91,14 @@ class Equilibrium(NamedTuple):
         d: displacement [cm].
         result: see `RESULTS`.
         n_newton: linear systems solved.
-        n_linear: iterations of GMRES.
+        n_gmres: iterations of GMRES.
         residual: norm of the forces out of balance over that of the loads.
     """
 
     d: Field
     result: RESULTS
     n_newton: Int[Array, ""]
-    n_linear: Int[Array, ""]
+    n_gmres: Int[Array, ""]
     residual: Float[Array, ""]
 
 
@@ -167,7 +167,7 @@ def load_forces(loads: Loads, d: Field, model: Model) -> Field:
         for k in range(3):  # ∫ p N_k over a triangle is (p_k + Σ p) A/12
             total = total.at[:, faces[k]].add(-(p[faces[k]] + whole) / 12.0 * area)
         if edges is not None:
-            total = total - bowed_load(p, x, BowedInterface(faces, edges))
+            total = total - mid_edge_load(p, x, MidEdgeInterface(faces, edges))
     return total
 
 
@@ -216,7 +216,7 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
     factor = jax.lax.stop_gradient(factor)
     shape = geometry(model.x, model.solid_tets)
     zero = jnp.zeros_like(model.x)
-    free = model.in_solid & ~model.held
+    free = model.in_solid & ~model.prescribed
     size = jax.lax.stop_gradient(
         jnp.linalg.norm(jnp.where(free, load_forces(loads, zero, model), 0.0))
     )
@@ -310,8 +310,8 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         tangent_solve,
         has_aux=True,
     )
-    n_newton, n_linear, left = jax.lax.stop_gradient(report)
+    n_newton, n_gmres, left = jax.lax.stop_gradient(report)
     result = RESULTS.where(left <= tolerance, RESULTS.successful, RESULTS.not_converged)
     result = RESULTS.where(jnp.all(jnp.isfinite(flat)), result, RESULTS.not_finite)
-    counts = n_newton.astype(int), n_linear.astype(int)
+    counts = n_newton.astype(int), n_gmres.astype(int)
     return Equilibrium(flat.reshape(3, -1), result, *counts, left)

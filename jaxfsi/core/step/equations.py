@@ -1,8 +1,8 @@
 """The coupled equations of one step, as a residual in the new velocity and pressure.
 
-The coefficients of the blood's equations (what carries, unresolved velocity, stabilisation,
-viscosity) belong to the iterate, see `renewed`. Extrapolated they save a correction where flow is
-slow; in a slit of 0.7 mm the error they bring made a septum flutter apart at a drop of 20 mmHg and
+The coefficients of the blood's equations (advecting velocity, unresolved velocity, stabilisation,
+viscosity) belong to the iterate, see `relinearised`. Extrapolated they save a correction where flow
+is slow; in a slit of 0.7 mm their error made a septum flutter apart at a drop of 20 mmHg and
 Δt = 2 ms, which stays calm without it.
 
 Only the geometry is explicit: the interface's displacement at the end of the step is extrapolated
@@ -23,13 +23,13 @@ from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.linear import (
     Geometry,
+    derivative_barrier,
     flux,
+    fusion_barrier,
     geometry,
-    kept_apart,
-    kept_in_derivatives,
 )
-from jaxfsi.core.laws.fluid import Frozen, fluid_residual, frozen
-from jaxfsi.core.laws.interface import bowed_flux, bowed_load
+from jaxfsi.core.laws.fluid import LaggedCoefficients, fluid_residual, lagged_coefficients
+from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_displacement
 from jaxfsi.core.laws.solid import Wall, solid_residual
 from jaxfsi.core.laws.tissue import tissue_force
@@ -64,7 +64,7 @@ class Step(NamedTuple):
         solid_shape: geometry of the wall in the reference configuration.
         coefficients: of the linearised fluid equations; at the extrapolated state where a step
             begins.
-        u_held: velocity of the held nodes at the end of the step [cm/s].
+        u_prescribed: velocity of the prescribed nodes at the end of the step [cm/s].
         P_offset: pressure of each port at t + α_f dt without its flow [dyn/cm²].
         Z: derivative of that pressure with respect to the new flow [dyn·s/cm⁵].
     """
@@ -75,14 +75,14 @@ class Step(NamedTuple):
     x: Float[Array, "3 nodes"]
     fluid_shape: Geometry
     solid_shape: Geometry
-    coefficients: Frozen
-    u_held: Float[Array, "3 nodes"]
+    coefficients: LaggedCoefficients
+    u_prescribed: Float[Array, "3 nodes"]
     P_offset: Float[Array, " ports"]
     Z: Float[Array, " ports"]
 
 
-def held_velocity(t: Parameter, model: Model) -> Float[Array, "3 nodes"]:
-    """Velocity of the held nodes at time t [cm/s]."""
+def prescribed_velocity(t: Parameter, model: Model) -> Float[Array, "3 nodes"]:
+    """Velocity of the prescribed nodes at time t [cm/s]."""
     u = jnp.zeros((3, model.n_nodes))
     for port, surface in zip(model.ports, model.surfaces, strict=True):
         u = port.add_velocity(t, u, model.x, surface)
@@ -90,8 +90,8 @@ def held_velocity(t: Parameter, model: Model) -> Float[Array, "3 nodes"]:
 
 
 def extrapolated(t: Parameter, model: Model, state: State) -> Unknowns:
-    """Velocity and pressure one step ahead, linear in time, with the velocity held at t."""
-    u = jnp.where(model.held, held_velocity(t, model), 2.0 * state.u - state.u_before)
+    """Velocity and pressure one step ahead, linear in time, with the prescribed velocity at t."""
+    u = jnp.where(model.prescribed, prescribed_velocity(t, model), 2.0 * state.u - state.u_before)
     return Unknowns(u, 2.0 * state.p - state.p_before)
 
 
@@ -105,12 +105,12 @@ def begin_step(
     alpha = method.alpha_f
     x = model.x + (state.d_mesh + alpha * (d_mesh - state.d_mesh))
     fluid_shape = geometry(x, model.fluid_tets)
-    fluid_shape = kept_apart(fluid_shape, fluid_shape)
+    fluid_shape = fusion_barrier(fluid_shape, fluid_shape)
     solid_shape = geometry(model.x, model.solid_tets)
-    solid_shape = kept_in_derivatives(solid_shape, solid_shape)
+    solid_shape = derivative_barrier(solid_shape, solid_shape)
     with jax.named_scope("ports"):
         tractions = _linearised_ports(dt, model, state, guess.u, x, method)
-        u_held = held_velocity(state.t + dt, model)
+        u_prescribed = prescribed_velocity(state.t + dt, model)
     return Step(
         dt,
         state,
@@ -119,7 +119,7 @@ def begin_step(
         fluid_shape,
         solid_shape,
         _coefficients(guess, dt, model, state, d_mesh, fluid_shape, method),
-        u_held,
+        u_prescribed,
         jnp.array([traction.P_offset for traction in tractions], float),
         jnp.array([traction.Z for traction in tractions], float),
     )
@@ -157,7 +157,7 @@ def _linearised_ports(
     ]
 
 
-def renewed(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> Step:
+def relinearised(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> Step:
     """The step with the coefficients of the blood's equations at y."""
     known = (step.dt, model, step.state, step.d_mesh, step.fluid_shape)
     return step._replace(coefficients=_coefficients(y, *known, method))
@@ -171,16 +171,16 @@ def _coefficients(
     d_mesh: Float[Array, "3 nodes"],
     shape: Geometry,
     method: GeneralizedAlpha,
-) -> Frozen:
+) -> LaggedCoefficients:
     u, a, _, p = _between(y, dt, state, method)
     u_mesh = (d_mesh - state.d_mesh) / dt
     with jax.named_scope("stabilisation"):
-        found = frozen(dt, u, a, p, u_mesh, model.blood, model.fluid_tets, shape)
-    return kept_apart(found, shape)
+        found = lagged_coefficients(dt, u, a, p, u_mesh, model.blood, model.fluid_tets, shape)
+    return fusion_barrier(found, shape)
 
 
 def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> Unknowns:
-    """Residual of the equations of a step; rows of held unknowns say what they are held at."""
+    """Residual of the equations of a step; rows of prescribed unknowns hold their error."""
     # As a branch, so that XLA does not repeat these sums at every corner of every element.
     u, a, d, p = jax.lax.cond(
         step.dt > 0.0,
@@ -203,14 +203,14 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
                 u, a, d, model.wall, model.element, step.solid_shape, model.prestress
             )
             r_u = r_u + _support(u, d, model.wall, model)
-    if model.bowed is not None:
+    if model.mid_edge is not None:
         with jax.named_scope("interface"):
-            r_u = r_u - bowed_load(p - model.P_ambient, step.x, model.bowed)
-            r_p = r_p + bowed_flux(u, step.x, model.bowed)
+            r_u = r_u - mid_edge_load(p - model.P_ambient, step.x, model.mid_edge)
+            r_p = r_p + mid_edge_flux(u, step.x, model.mid_edge)
     with jax.named_scope("ports"):
         r_u = r_u - _port_load(y, u, model, step)
     return Unknowns(
-        jnp.where(model.held, y.u - step.u_held, r_u),
+        jnp.where(model.prescribed, y.u - step.u_prescribed, r_u),
         jnp.where(model.in_fluid, r_p, y.p),
     )
 

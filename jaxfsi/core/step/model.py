@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxfsi.core.elements.quadratic import QuadraticElement, edges_of_faces, numbered_edges
 from jaxfsi.core.elements.wall import AbstractWallElement, LinearElement
 from jaxfsi.core.laws.fluid import Blood
-from jaxfsi.core.laws.interface import BowedInterface
+from jaxfsi.core.laws.interface import MidEdgeInterface
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.ports.port import AbstractPort, PortSurface
 from jaxfsi.faces import triangle_edges
@@ -35,15 +35,15 @@ class Model(eqx.Module):
     are not.
 
     Attributes:
-        x: reference positions of the nodes [cm]: first the vertices of the mesh, then, where the
-            wall's elements are quadratic, the vectors that bow their edges, which are zero.
+        x: reference positions of the nodes [cm]: vertex coordinates, followed by zeros for the
+            mid-edge displacement modes of quadratic walls.
         fluid_tets: corners of the fluid elements.
         element: elements of the wall, linear ones without members where there is none.
         in_fluid: nodes that carry a pressure; where velocity is given at all openings of rigid
             walls, all but one, from which the pressure counts.
         in_solid: nodes of the wall.
-        held: nodes whose velocity is prescribed.
-        mesh_held: fluid nodes that the mesh motion does not move.
+        prescribed: nodes whose velocity is prescribed.
+        mesh_prescribed: nodes whose mesh displacement is prescribed.
         blood: what the blood is like.
         wall: what the wall is made of.
         prestress: second Piola-Kirchhoff stress of the undeformed wall at the quadrature points of
@@ -56,10 +56,10 @@ class Model(eqx.Module):
         ports: condition of each port.
         profiles: field that each port made from the mesh; None: it needs none.
         port_faces: triangles of each port.
-        port_edges: unknowns of the edges opposite to their corners, where they bow; else None.
+        port_edges: mid-edge unknowns opposite to their corners; None where there are none.
         outer_faces: triangles that the tissue outside supports.
-        outer_edges: unknowns of the edges opposite to their corners, where they bow; else None.
-        bowed: where blood touches edges of the wall that bow; None where there are none.
+        outer_edges: mid-edge unknowns opposite to their corners; None where there are none.
+        mid_edge: faces of the interface with mid-edge modes; None where there are none.
         names: of the ports (static).
         n_vertices: vertices of the mesh, which come before other nodes (static).
     """
@@ -69,8 +69,8 @@ class Model(eqx.Module):
     element: AbstractWallElement
     in_fluid: Bool[Array, " nodes"]
     in_solid: Bool[Array, " nodes"]
-    held: Bool[Array, " nodes"]
-    mesh_held: Bool[Array, " nodes"]
+    prescribed: Bool[Array, " nodes"]
+    mesh_prescribed: Bool[Array, " nodes"]
     blood: Blood
     wall: Wall | None
     prestress: Float[Array, "3 3 points solid_tets"] | None
@@ -81,7 +81,7 @@ class Model(eqx.Module):
     port_edges: tuple[Int[Array, "3 _"] | None, ...]
     outer_faces: Int[Array, "3 outer"]
     outer_edges: Int[Array, "3 outer"] | None
-    bowed: BowedInterface | None
+    mid_edge: MidEdgeInterface | None
     names: tuple[str, ...] = eqx.field(static=True)
     n_vertices: int = eqx.field(static=True)
 
@@ -158,23 +158,23 @@ def build_model(
     element, ends = _wall_elements(n_nodes, solid, wall_element)
     n_edges = len(ends)
     in_fluid, in_solid = _marked(n_nodes, fluid), _marked(n_nodes, solid)
-    held = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))
+    prescribed = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))
     if not len(solid):
-        held |= _marked(n_nodes, mesh.labelled(INTERFACE))
-    profiles, fixed = [], held.copy()
+        prescribed |= _marked(n_nodes, mesh.labelled(INTERFACE))
+    profiles, fixed = [], prescribed.copy()
     for name, port in ports.items():
         profile = port.setup(mesh, name, fixed)
         if profile is not None:
             profile = jnp.asarray(np.pad(profile.T, ((0, 0), (0, n_edges))))
         profiles.append(profile)
         if port.prescribes_velocity:
-            held |= _marked(n_nodes, mesh.labelled(name))
+            prescribed |= _marked(n_nodes, mesh.labelled(name))
     if len(fluid) and not len(solid) and all(p.prescribes_velocity for p in ports.values()):
         # Nothing sets the level of the pressure: it counts from one node, whose continuity
         # equation follows from the others.
         in_fluid[fluid[0, 0]] = False
-    mesh_held = in_solid | _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
-    mesh_held |= ~in_fluid if len(solid) else fixed
+    mesh_prescribed = in_solid | _marked(n_nodes, *(mesh.labelled(name) for name in mesh.openings))
+    mesh_prescribed |= ~in_fluid if len(solid) else fixed
     outer = mesh.labelled(OUTER_WALL) if OUTER_WALL in mesh.label_names else np.zeros((0, 3), int)
     return Model(
         x=jnp.asarray(np.pad(mesh.points.T.astype(float), ((0, 0), (0, n_edges)))),
@@ -182,8 +182,8 @@ def build_model(
         element=element,
         in_fluid=jnp.asarray(np.append(in_fluid, np.zeros(n_edges, bool))),
         in_solid=jnp.asarray(np.append(in_solid, np.ones(n_edges, bool))),
-        held=jnp.asarray(np.append(held, _among(ends, mesh, clamped))),
-        mesh_held=jnp.asarray(np.append(mesh_held, np.ones(n_edges, bool))),
+        prescribed=jnp.asarray(np.append(prescribed, _among(ends, mesh, clamped))),
+        mesh_prescribed=jnp.asarray(np.append(mesh_prescribed, np.ones(n_edges, bool))),
         blood=Blood() if blood is None else blood,
         wall=wall if len(solid) else None,
         prestress=None,
@@ -193,8 +193,8 @@ def build_model(
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
         port_edges=tuple(_port_edges(mesh, name, element) for name in ports),
         outer_faces=jnp.asarray(outer.T, jnp.int32),
-        outer_edges=_bowed_edges(outer, element),
-        bowed=_bowed(mesh, element) if len(fluid) else None,
+        outer_edges=_mid_edges(outer, element),
+        mid_edge=_mid_edge_interface(mesh, element) if len(fluid) else None,
         names=tuple(ports),
         n_vertices=n_nodes,
     )
@@ -212,24 +212,24 @@ def _wall_elements(
     ), ends
 
 
-def _bowed(mesh: Mesh, element: AbstractWallElement) -> BowedInterface | None:
-    """The interface where edges of the wall bow."""
+def _mid_edge_interface(mesh: Mesh, element: AbstractWallElement) -> MidEdgeInterface | None:
+    """The interface, where the wall has mid-edge modes."""
     faces = mesh.labelled(INTERFACE)
-    edges = _bowed_edges(faces, element)
-    return None if edges is None else BowedInterface(jnp.asarray(faces.T, jnp.int32), edges)
+    edges = _mid_edges(faces, element)
+    return None if edges is None else MidEdgeInterface(jnp.asarray(faces.T, jnp.int32), edges)
 
 
 def _port_edges(
     mesh: Mesh, name: str, element: AbstractWallElement
 ) -> Int[Array, "3 faces"] | None:
-    """Edges that bow of a labelled surface; None at an opening of the blood."""
-    return None if name in mesh.openings else _bowed_edges(mesh.labelled(name), element)
+    """Mid-edge unknowns of a labelled surface; None at an opening of the blood."""
+    return None if name in mesh.openings else _mid_edges(mesh.labelled(name), element)
 
 
-def _bowed_edges(
+def _mid_edges(
     faces: Int[np.ndarray, "faces 3"], element: AbstractWallElement
 ) -> Int[Array, "3 faces"] | None:
-    """Edges that bow opposite to the corners of faces; None where none do."""
+    """Mid-edge unknowns opposite to the corners of faces; None for linear elements."""
     if not isinstance(element, QuadraticElement):
         return None
     return jnp.asarray(edges_of_faces(element, faces.T), jnp.int32)

@@ -40,21 +40,21 @@ class StepReport(NamedTuple):
 
     Attributes:
         result: see `RESULTS`.
-        n_linear: see `Convergence`.
-        n_nonlinear: see `Convergence`.
+        n_gmres: see `Convergence`.
+        n_newton: see `Convergence`.
         residual: see `Convergence`.
-        least_volume: smallest volume of a fluid element over its reference volume.
+        min_volume_ratio: minimum volume ratio of the fluid elements, to the reference mesh.
     """
 
     result: RESULTS
-    n_linear: Int[Array, ""]
-    n_nonlinear: Int[Array, ""]
+    n_gmres: Int[Array, ""]
+    n_newton: Int[Array, ""]
     residual: Float[Array, ""]
-    least_volume: Float[Array, ""]
+    min_volume_ratio: Float[Array, ""]
 
 
 def no_report() -> StepReport:
-    """What is reported of a step that was not asked for."""
+    """Placeholder report for a skipped step."""
     zero = jnp.zeros((), int)
     return StepReport(RESULTS.successful, zero, zero, jnp.zeros(()), jnp.ones(()))
 

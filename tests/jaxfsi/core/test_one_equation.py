@@ -11,7 +11,7 @@ import pytest
 from jaxfsi import core
 from jaxfsi.core.elements.assembly import host_geometry
 from jaxfsi.core.elements.linear import geometry
-from jaxfsi.core.laws.fluid import fluid_residual, frozen
+from jaxfsi.core.laws.fluid import fluid_residual, lagged_coefficients
 from jaxfsi.core.laws.mesh_motion import mesh_motion
 from jaxfsi.core.laws.solid import solid_residual
 from jaxfsi.core.solve.preconditioner import _blocks
@@ -60,7 +60,7 @@ def test_kernel_of_the_blood_is_the_weak_form(model):
     @jax.jit
     def both(u, a, p, u_mesh, x):
         shape = geometry(x, tets)
-        k = frozen(jnp.asarray(DT), u, a, p, u_mesh, model.blood, tets, shape)
+        k = lagged_coefficients(jnp.asarray(DT), u, a, p, u_mesh, model.blood, tets, shape)
         other = u + 3.0 * u_mesh  # other than the state of the coefficients
         kernel = fluid_residual(other, a, p, model.blood, k, tets, shape)
         return kernel, reference_blood_residual(other, a, p, model.blood, k, tets, x)
@@ -93,7 +93,7 @@ def test_matrices_of_the_preconditioner_are_the_tangent_at_rest(model):
     zero = Unknowns(jnp.zeros_like(v), jnp.zeros_like(p))
     by_pressure = apply_elements(tangent, zero._replace(p=p), model, step, METHOD)
     by_velocity = apply_elements(tangent, zero._replace(u=v), model, step, METHOD)
-    wet, free = np.asarray(model.in_fluid), ~np.asarray(model.held)
+    wet, free = np.asarray(model.in_fluid), ~np.asarray(model.prescribed)
     G = np.stack([block @ np.asarray(p) for block in blocks.G])
     _close(np.asarray(by_pressure.u)[:, free], G[:, free])
     _close(np.asarray(by_pressure.p)[wet], (blocks.C @ np.asarray(p))[wet])

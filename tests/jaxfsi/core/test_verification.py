@@ -10,7 +10,7 @@ import pytest
 from jaxfsi.core.elements.linear import flux
 from jaxfsi.core.ports.flow import FlowPort
 from jaxfsi.core.ports.velocity import VelocityPort
-from jaxfsi.core.step.equations import held_velocity
+from jaxfsi.core.step.equations import prescribed_velocity
 from jaxfsi.core.step.model import build_model
 from jaxfsi.meshing import tube
 from jaxfsi.verification.derivatives import compare_along, compare_each, steps_of
@@ -112,12 +112,12 @@ def test_velocity_port_prescribes_its_field_on_its_nodes_only():
     mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=3, n_layers=0)
     ports = {"inlet": FlowPort(Constant(2.0)), "outlet": VelocityPort(SOLUTION)}
     model = build_model(mesh, ports)
-    u = held_velocity(jnp.asarray(0.1), model)
+    u = prescribed_velocity(jnp.asarray(0.1), model)
     outlet = np.unique(mesh.labelled("outlet"))
     np.testing.assert_array_equal(u[:, outlet], SOLUTION(0.1, model.x)[:, outlet])
     inlet = model.port_faces[0]
     assert float(flux(u, model.x, inlet)) == pytest.approx(-2.0)
-    assert np.all(np.asarray(model.held)[outlet])
+    assert np.all(np.asarray(model.prescribed)[outlet])
     others = np.setdiff1d(np.arange(model.n_nodes), np.concatenate([outlet, np.unique(inlet)]))
     np.testing.assert_array_equal(u[:, others], 0.0)
 

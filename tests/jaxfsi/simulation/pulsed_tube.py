@@ -36,7 +36,7 @@ def pulsed_tube(*, rigid: bool = False) -> tuple[Mesh, Model, State]:
         "inlet": PressurePort(Sinusoid(MEAN, 2.0 * MMHG, 0.1, -np.pi / 2.0)),
         "outlet": BlockPort(RCR(R_proximal=400.0, C=2e-5, R_distal=4e3)),
     }
-    wall = None if rigid else Wall(SaintVenantKirchhoff(4e6, 0.45))
+    wall = None if rigid else Wall(SaintVenantKirchhoff(4e6, 0.45), rho_s=1.1)
     model = build_model(mesh, ports, wall=wall)
     block = ports["outlet"].block
     assert block.state_names == ("P_wk",)
@@ -58,7 +58,7 @@ def run(folder: pathlib.Path, n_steps: int, *, rigid: bool) -> None:
         observers=[FieldSeries(folder / "fields", mesh, every=15), shear],
         checkpoint=folder / "checkpoint.npz",
         checkpoint_every=10,
-        glimpse=lambda g: print(g.step, flush=True),
+        progress=lambda g: print(g.step, flush=True),
     )
     shear.write(folder / "shear.vtu")
     write_csv(folder / "history.csv", end.record, model.names)

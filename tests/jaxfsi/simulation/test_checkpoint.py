@@ -31,8 +31,8 @@ def files(run, tube_model, tmp_path_factory):
     """Content of all files of a finished run, by name."""
     mesh, _, _ = tube_model
     folder = tmp_path_factory.mktemp("whole")
-    looks = [FieldSeries(folder, mesh, every=5), ShearCycle(mesh, every=5)]
-    run(observers=looks, checkpoint=folder / "c.npz", **OPTIONS)
+    observed = [FieldSeries(folder, mesh, every=5), ShearCycle(mesh, every=5)]
+    run(observers=observed, checkpoint=folder / "c.npz", **OPTIONS)
     return _content(folder)
 
 
@@ -69,14 +69,15 @@ def _with_head(**changes):
         (_with("state.0", lambda a: a.astype("f4")), "state.0 is float32"),
         (_without("record.t"), "record.t is missing"),
         (_with("record.Q_port", lambda a: a[1:]), "record.Q_port is"),
-        (_without("memory.shear."), r"memory.shear.size is missing.* and \d more"),
-        (_with("memory.shear.last", lambda a: a[:2]), "memory.shear.last is"),
+        (_without("observer.shear."), r"observer.shear.size is missing.* and \d more"),
+        (_with("observer.shear.last", lambda a: a[:2]), "observer.shear.last is"),
         (_with_head(position=[1, 0]), "position"),
         (_with_head(events=None), "events"),
         (_without("head"), "cannot be read"),
         (_with_head(numerics="other"), "another version of the code or of its libraries"),
+        (_with_head(format=1), "has format 1, that of another version; this one reads 2"),
     ],
-    ids=range(11),
+    ids=range(12),
 )
 def test_damaged_checkpoint_is_refused_and_left_alone(
     run, observers, files, tmp_path, damage, said
@@ -145,25 +146,25 @@ def test_interrupted_run_says_what_its_checkpoint_holds(run, observers, tmp_path
         return advance(model, state, *rest)
 
     monkeypatch.setattr(simulation, "advance_chunk", fail_once)
-    looks = observers()
-    look = looks[1].observe
+    observed = observers()
+    look = observed[1].observe
 
     def interrupt(step, model, state):
         look(step, model, state)
         if step == N:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(looks[1], "observe", interrupt)
+    monkeypatch.setattr(observed[1], "observe", interrupt)
     path = tmp_path / "c.npz"
     options = {**OPTIONS, "control": StepControl(max_halvings=1, good_steps=2)}
     with pytest.raises(SimulationInterrupted) as stop:
-        run(observers=looks, checkpoint=path, **options)
+        run(observers=observed, checkpoint=path, **options)
     kept = stop.value.simulation
     with np.load(path) as file:
         np.testing.assert_array_equal(kept.record.t, file["record.t"])
     assert kept.record.step[-1] == 5
     assert len(kept.events) == 1
-    assert looks[1].means().t_end == pytest.approx(5e-3)
+    assert observed[1].means().t_end == pytest.approx(5e-3)
     assert [entry.step for entry in read_series(tmp_path / "fields.pvd")] == [0, 5]
     again = observers()
     resumed = run(observers=again, checkpoint=path, **options)

@@ -7,18 +7,18 @@ from jaxfsi.simulation import StepControl
 from jaxfsi.simulation.step_control import Position, after_steps, steps_to, stride, whole_steps
 
 
-def _run(n_whole, control, fails=lambda grain, level: False, change=lambda grain, level: 0.0):
+def _run(n_whole, control, fails=lambda tick, level: False, change=lambda tick, level: 0.0):
     """Lengths of the steps of a run whose steps fail where `fails` says so."""
     position, lengths, chunk = Position(), [], 20
     while whole_steps(position, control) < n_whole:
-        stop = min(n_whole, (position.grain // stride(0, control) // chunk + 1) * chunk)
+        stop = min(n_whole, (position.tick // stride(0, control) // chunk + 1) * chunk)
         unit = stride(position.level, control)
         n = min(chunk, steps_to(stop, position, control))
         assert n >= 1
         good, largest, trouble = 0, 0.0, False
         limit = control.change_limit
         for k in range(n):
-            at = position.grain + k * unit
+            at = position.tick + k * unit
             if fails(at, position.level):
                 trouble = True
                 break
@@ -29,7 +29,7 @@ def _run(n_whole, control, fails=lambda grain, level: False, change=lambda grain
                 trouble = True
                 break
         position = after_steps(good, trouble, largest, position, control)
-        assert position.grain % stride(position.level, control) == 0
+        assert position.tick % stride(position.level, control) == 0
     return lengths, position
 
 
@@ -45,24 +45,24 @@ def test_failed_steps_are_halved_and_grow_back_on_whole_steps(at):
     unit = stride(0, control)
     bad = range(at * unit + unit // 2, (at + 1) * unit)
     lengths, position = _run(
-        50, control, fails=lambda grain, level: level < 2 and _covers(grain, level, bad, control)
+        50, control, fails=lambda tick, level: level < 2 and _covers(tick, level, bad, control)
     )
     assert np.sum(lengths) == pytest.approx(50.0)  # sums of powers of two are exact
     assert min(lengths) == 0.25
     assert lengths[-1] == 1.0
-    assert position.grain == 50 * unit
+    assert position.tick == 50 * unit
 
 
-def _covers(grain, level, bad, control):
-    return any(grain <= b < grain + stride(level, control) for b in bad)
+def _covers(tick, level, bad, control):
+    return any(tick <= b < tick + stride(level, control) for b in bad)
 
 
 def test_adaptive_steps_follow_a_burst_of_change():
     control = StepControl(change_limit=0.1, good_steps=4)
     unit = stride(0, control)
 
-    def change(grain, level):
-        fast = 20 * unit <= grain < 30 * unit
+    def change(tick, level):
+        fast = 20 * unit <= tick < 30 * unit
         return (1.0 if fast else 0.005) / 4**level
 
     lengths, _ = _run(60, control, change=change)

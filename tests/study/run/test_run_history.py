@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import study.run.simulation as simulation_run
-from jaxfsi.simulation import Glimpse, Record
+from jaxfsi.simulation import ProgressRecord, Record
 from study.run.setup import Schedule
 from study.run.simulation import write_history
 
@@ -37,7 +37,7 @@ def test_time_of_a_step_is_the_one_that_is_shown_and_leaves_compiling_out(tmp_pa
     for chunk in range(4):
         now[0] += 60.0 if chunk == 0 else 5.0
         P = np.zeros(3)
-        watch.look(Glimpse(10.0 * (chunk + 1), 40, 0.0, 1e-3, NAMES, P, P, 1, _record()))
+        watch.look(ProgressRecord(10.0 * (chunk + 1), 40, 0.0, 1e-3, NAMES, P, P, 1, _record()))
     assert watch.pace == pytest.approx(0.5)
     assert told[0][1] is None  # nothing is known but the time of compiling
     assert "s a step" not in told[0][0]

@@ -269,10 +269,10 @@ def test_stored_result_is_shown_again(outcome, command, tmp_path):
 def test_interrupted_run_keeps_what_it_has_and_goes_on(case_file, command, tmp_path, monkeypatch):
     text = simulation_run.progress_text
 
-    def interrupt(glimpse, *rest):
-        if glimpse.step >= 20:
+    def interrupt(progress, *rest):
+        if progress.step >= 20:
             raise KeyboardInterrupt
-        return text(glimpse, *rest)
+        return text(progress, *rest)
 
     options = ("simulate", case_file, "--rigid", "--cycles", "0.1", "--json")
     monkeypatch.setattr(simulation_run, "progress_text", interrupt)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jaxfsi.core.elements.linear import area_vectors
-from jaxfsi.core.laws.interface import bowed_flux, bowed_load
+from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.ports.pressure import PressurePort
@@ -31,17 +31,19 @@ def test_flux_is_the_transpose_of_the_load(model):
     rng = np.random.default_rng(0)
     x = model.x + 0.01 * jnp.asarray(rng.standard_normal(model.x.shape))
     u, p = jnp.asarray(rng.standard_normal(x.shape)), jnp.asarray(rng.standard_normal(x.shape[1]))
-    power = float(jnp.sum(u * bowed_load(p, x, model.bowed)))
-    assert float(jnp.sum(p * bowed_flux(u, x, model.bowed))) == pytest.approx(power, rel=1e-12)
+    power = float(jnp.sum(u * mid_edge_load(p, x, model.mid_edge)))
+    assert float(jnp.sum(p * mid_edge_flux(u, x, model.mid_edge))) == pytest.approx(
+        power, rel=1e-12
+    )
 
 
 def test_linear_pressure_on_a_face_is_integrated_exactly(model):
     rng = np.random.default_rng(1)
     p = jnp.asarray(rng.standard_normal(model.n_nodes))
-    faces, edges = (np.asarray(a) for a in (model.bowed.faces, model.bowed.edges))
+    faces, edges = (np.asarray(a) for a in (model.mid_edge.faces, model.mid_edge.edges))
     one = jnp.zeros_like(model.x).at[2, edges[0, 0]].set(1.0)
     # a product rule of order 4 on each of the faces beside the edge, ∫ p 4 N_a N_b n_z dA
-    area = np.asarray(area_vectors(model.x, model.bowed.faces))[2]
+    area = np.asarray(area_vectors(model.x, model.mid_edge.faces))[2]
     point, weight = np.polynomial.legendre.leggauss(4)
     s, w = (point + 1.0) / 2.0, weight / 2.0
     total = 0.0
@@ -53,7 +55,7 @@ def test_linear_pressure_on_a_face_is_integrated_exactly(model):
                 value = n_a * p[a] + n_b * p[b] + (1.0 - n_a - n_b) * p[c]
                 factor = 2.0 * w[i] * w[j] * (1.0 - s[i]) * 4.0 * n_a * n_b
                 total += float(value) * factor * area[face]
-    found = jnp.sum(one * bowed_load(p, model.x, model.bowed))
+    found = jnp.sum(one * mid_edge_load(p, model.x, model.mid_edge))
     assert float(found) == pytest.approx(total, rel=1e-12, abs=1e-18)
 
 
@@ -71,8 +73,8 @@ def test_port_on_the_outside_pushes_like_a_pressure_of_statics():
         forces.append(residual(Unknowns(state.u, state.p), outside, step, method).u)
     load = pressure_load(mesh, OUTER_WALL, p, outside)
     expected = load_forces(Loads((load,)), jnp.zeros_like(outside.x), outside)
-    found = np.where(outside.held, 0.0, forces[0] - forces[1])
-    expected = np.where(outside.held, 0.0, expected)
+    found = np.where(outside.prescribed, 0.0, forces[0] - forces[1])
+    expected = np.where(outside.prescribed, 0.0, expected)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.max(np.abs(expected)))
     assert np.max(np.abs(found[:, outside.n_vertices :])) > 0.0
 
@@ -81,6 +83,6 @@ def test_interface_without_bows_has_none(model):
     mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1)
     ports = {name: PressurePort(Constant(0.0)) for name in mesh.openings}
     linear = build_model(mesh, ports, wall=Wall(LinearElastic(1e6, 0.3)), wall_element="linear")
-    assert linear.bowed is None
+    assert linear.mid_edge is None
     # Each face has three edges, shared by two faces but for those of both rims.
-    assert 2 * len(np.unique(model.bowed.edges)) == 3 * model.bowed.faces.shape[1] + 2 * 8
+    assert 2 * len(np.unique(model.mid_edge.edges)) == 3 * model.mid_edge.faces.shape[1] + 2 * 8

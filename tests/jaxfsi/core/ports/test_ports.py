@@ -164,7 +164,7 @@ def test_prescribed_velocity_is_held_and_leaves_the_rest_alone(case, end):
     guess = extrapolated(end.t, model, end)
     given = port.add_velocity(end.t, jnp.zeros_like(end.u), model.x, model.surfaces[0])
     if port.prescribes_velocity:
-        assert np.all(np.asarray(model.held)[on_port])
+        assert np.all(np.asarray(model.prescribed)[on_port])
         np.testing.assert_array_equal(guess.u[:, on_port], given[:, on_port])
         # The step solves these rows in single precision, with the others.
         np.testing.assert_allclose(end.u[:, on_port], given[:, on_port], atol=1e-5)
@@ -172,7 +172,7 @@ def test_prescribed_velocity_is_held_and_leaves_the_rest_alone(case, end):
     else:
         wall = np.zeros(model.n_nodes, bool)
         wall[case.mesh.labelled(INTERFACE)] = True
-        assert not np.any(np.asarray(model.held)[on_port & ~wall])
+        assert not np.any(np.asarray(model.prescribed)[on_port & ~wall])
     np.testing.assert_array_equal(given[:, ~on_port], 0.0)
 
 

@@ -25,7 +25,7 @@ from jaxfsi.core.solve.tangent import (
     blood_diagonal,
     step_tangent,
 )
-from jaxfsi.core.step.equations import Unknowns, begin_step, renewed, residual
+from jaxfsi.core.step.equations import Unknowns, begin_step, relinearised, residual
 from jaxfsi.core.step.generalized_alpha import generalized_alpha
 from jaxfsi.core.step.model import build_model
 from jaxfsi.core.step.state import initial_state
@@ -41,7 +41,7 @@ INLETS = {"pressure": PressurePort(Constant(1e4)), "flow": FlowPort(Constant(5.0
 
 def _model(inlet, material, damping=0.0, wall_element="linear"):
     mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1)
-    wall = Wall(material, damping=damping, support_stiffness=1e5, support_damping=30.0)
+    wall = Wall(material, rho_s=1.1, damping=damping, support_stiffness=1e5, support_damping=30.0)
     blood = Blood(viscosity=CarreauYasuda())
     ports = {"inlet": inlet, "outlet": BLOCK}
     return build_model(mesh, ports, blood=blood, wall=wall, wall_element=wall_element)
@@ -51,7 +51,9 @@ def _random_state(model, *, d_wall: float):
     rng = np.random.default_rng(0)
 
     def field(size):
-        return jnp.where(model.held, 0.0, size * jnp.asarray(rng.standard_normal(model.x.shape)))
+        return jnp.where(
+            model.prescribed, 0.0, size * jnp.asarray(rng.standard_normal(model.x.shape))
+        )
 
     # The wall moves by a small part of an element in a step.
     share = jnp.where(model.in_solid, 0.1, 1.0)
@@ -74,13 +76,13 @@ def _products(model, state, v, motion):
     step = begin_step(jnp.asarray(DT), model, state, METHOD, motion)
     y = Unknowns(state.u, state.p)
     _, exact = jax.jvp(lambda y: residual(y, model, step, METHOD), (y,), (v,))
-    lagged = _nothing_carried(step_tangent(y, model, step, METHOD))
+    lagged = _without_reaction(step_tangent(y, model, step, METHOD))
     return exact, apply_elements(lagged, v, model, step, METHOD)
 
 
-def _nothing_carried(tangent):
-    none = jax.tree.map(jnp.zeros_like, tangent.blood.carried)
-    return eqx.tree_at(lambda t: t.blood.carried, tangent, none)
+def _without_reaction(tangent):
+    none = jax.tree.map(jnp.zeros_like, tangent.blood.reaction)
+    return eqx.tree_at(lambda t: t.blood.reaction, tangent, none)
 
 
 def _relative_difference(model, state, seed: int) -> float:
@@ -137,15 +139,15 @@ def test_tangent_knows_what_the_change_carries():
     def change(dt):
         step = begin_step(jnp.asarray(dt), model, state, METHOD, mesh_motion(model))
         y = Unknowns(state.u, state.p)
-        here = renewed(y, model, step, METHOD)
+        here = relinearised(y, model, step, METHOD)
 
         def equations(y):
-            c = renewed(y, model, step, METHOD).coefficients.c
+            c = relinearised(y, model, step, METHOD).coefficients.c
             return residual(y, model, eqx.tree_at(lambda s: s.coefficients.c, here, c), METHOD)
 
         _, whole = jax.jvp(equations, (y,), (v,))
         tangent = step_tangent(y, model, here, METHOD)
-        without = apply_elements(_nothing_carried(tangent), v, model, here, METHOD)
+        without = apply_elements(_without_reaction(tangent), v, model, here, METHOD)
         found = apply_elements(tangent, v, model, here, METHOD)
         scale = jnp.linalg.norm((whole.u - without.u)[:, inside])
         return float(jnp.linalg.norm((whole.u - found.u)[:, inside]) / scale)
@@ -166,7 +168,7 @@ def _part(kind: str):
         return _model(INLETS["pressure"], material, wall_element=kind)
     sizes = {"radius": 0.5, "length": 1.0, "thickness": 0.1, "n_around": 8, "n_axial": 4}
     if kind == "dry":
-        wall = Wall(material)
+        wall = Wall(material, rho_s=1.1)
         return build_model(ring(n_layers=1, **sizes), {}, wall=wall, wall_element="linear")
     return build_model(tube(n_layers=0, **sizes), {"inlet": INLETS["pressure"], "outlet": BLOCK})
 
@@ -176,10 +178,10 @@ def test_diagonal_in_the_blood_is_that_of_the_tangent():
     model = _model(INLETS["pressure"], NeoHookean(3e6, 0.45))
     state = _random_state(model, d_wall=1e-4)
     step = begin_step(jnp.asarray(DT), model, state, METHOD, mesh_motion(model))
-    tangent = _nothing_carried(step_tangent(Unknowns(state.u, state.p), model, step, METHOD))
+    tangent = _without_reaction(step_tangent(Unknowns(state.u, state.p), model, step, METHOD))
     known = preconditioner(DT, model, METHOD, dtype=np.float64)
     inverse = with_blood(known, blood_diagonal(tangent, model, step)).inverse_diagonal
-    free = np.flatnonzero(np.asarray(~model.in_solid & ~model.held))
+    free = np.flatnonzero(np.asarray(~model.in_solid & ~model.prescribed))
     at_ports = np.unique(np.concatenate([np.asarray(faces) for faces in model.port_faces], axis=1))
     inside = np.setdiff1d(free, at_ports)  # the blocks behind the ports have their own share
 

@@ -251,10 +251,10 @@ def test_failed_writing_keeps_the_old_file(tmp_path, monkeypatch):
     out = tmp_path / "out.json"
     out.write_text("old")
 
-    def fail(self, target):
+    def fail(source, target):
         raise OSError("no space")
 
-    monkeypatch.setattr("pathlib.Path.replace", fail)
+    monkeypatch.setattr("os.replace", fail)
     with pytest.raises(OSError, match="no space"):
         write_calibrated(path, arrays(3), out)
     assert out.read_text() == "old"

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from study.case.model import (
         REQUIREMENTS,
         Case,
-        read_case,
         require,
     )
     from study.case.parameters import (
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
         WallParameters,
         WindkesselParameters,
     )
+    from study.case.read import read_case
     from study.case.template import case_template, record_template
     from study.report.page import html_report
     from study.report.remarks import Note, notes, verdict

@@ -1,14 +1,8 @@
-"""The case of one patient: what its file says, in CGS, and what each command needs of it.
-
-A case file is TOML; `study.case.template` shows every key. All faults of a file are
-reported together.
-"""
+"""The case of one patient, in CGS, and what each command needs of it."""
 
 import dataclasses
-import os
 import pathlib
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from pydantic.dataclasses import dataclass
 
@@ -22,14 +16,9 @@ from study.case.parameters import (
     SolverOptions,
     StressParameters,
     SurrogateParameters,
-    TissueParameters,
     WallParameters,
     WindkesselParameters,
 )
-from study.case.schema import FREE_TEXT
-from study.case.table_reader import Context
-from study.case.tables import key_homes, read_tables
-from study.case.toml_file import read_document
 
 
 @dataclass(frozen=True)
@@ -67,46 +56,6 @@ class Case:
     windkessel: WindkesselParameters = WindkesselParameters()
     mesh: MeshOptions = MeshOptions()
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
-
-
-def read_case(path: str | os.PathLike[str]) -> Case:
-    """Read a case file.
-
-    Args:
-        path: the TOML file.
-
-    Returns:
-        The case, in CGS.
-
-    Raises:
-        CaseError: the file cannot be read or holds faults; all of them are listed.
-    """
-    file = pathlib.Path(path)
-    document = read_document(file)
-    context = Context(file, [], {key: {} for key in FREE_TEXT}, key_homes())
-    values = read_tables(document, context)
-    if context.faults:
-        raise CaseError(context.faults)
-    return _build(file, values, context.texts)
-
-
-def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[str, str]]) -> Case:
-    return Case(
-        path=file,
-        id=values["patient"]["id"],
-        anatomy=values["anatomy"],
-        wall=WallParameters(**values["wall"], tissue=TissueParameters(**values["tissue"])),
-        conditions={n: Condition(name=n, **entry) for n, entry in values["condition"].items()},
-        coronary=CoronaryParameters(**values["coronary"]),
-        surrogate=SurrogateParameters(**values["surrogate"]),
-        solver=SolverOptions(**values["solver"]),
-        source=texts["source"],
-        blood=BloodParameters(**values["blood"]),
-        stress=StressParameters(**values["stress"]),
-        windkessel=WindkesselParameters(**values["windkessel"]),
-        mesh=MeshOptions(**values["mesh"]),
-        notes=texts["notes"],
-    )
 
 
 Requirement = Callable[[Case], Fault | None]

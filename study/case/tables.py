@@ -8,7 +8,7 @@ from lumped.nominal import NOMINAL
 from study.case.advice import nearest
 from study.case.anatomy import KINDS
 from study.case.anatomy_tables import read_anatomy
-from study.case.beat import read_beat
+from study.case.beat_file import read_beat
 from study.case.combinations import check_case
 from study.case.condition import CONDITION
 from study.case.faults import printable, shown_key

@@ -4,7 +4,7 @@ import dataclasses
 import os
 import pathlib
 
-from study.case.model import read_case
+from study.case.read import read_case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.report.cohort_report import cohort_report

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
 from study.case.json_schema import schema_text
-from study.case.model import read_case, require
+from study.case.model import require
+from study.case.read import read_case
 from study.case.record import OLDER, read_record, record_path
 from study.case.template import (
     EXAMPLE_FILE,

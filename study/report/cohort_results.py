@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 from study.case.anatomy import SyntheticAnatomy
 from study.case.faults import CaseError
-from study.case.model import Case, read_case
+from study.case.model import Case
+from study.case.read import read_case
 from study.report.agreement import Agreement, agreement
 from study.run.cohort import Fate
 from study.run.patient import QUADRATIC

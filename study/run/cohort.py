@@ -23,7 +23,7 @@ from typing import Any
 from jaxfsi.text_files import regular_text
 from lumped.whole_files import write_whole
 from study.case.faults import CaseError
-from study.case.model import read_case
+from study.case.read import read_case
 from study.run.members import Member
 from study.store.options import Mode
 from study.store.provenance import input_files, sha256

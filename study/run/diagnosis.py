@@ -10,7 +10,7 @@ from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of
 from diagnosis.next_measurement import isolability, next_measurements
 from lumped.units import MMHG
 from study.case.faults import CaseError, Fault
-from study.case.model import read_case
+from study.case.read import read_case
 from study.case.record import record_path
 from study.case.record_tables import R0_SD_LOG
 from study.run.progress import Progress

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from study.case.faults import CaseError, Fault
-from study.case.model import Case, read_case
+from study.case.model import Case
+from study.case.read import read_case
 from study.run.algorithm import check_study, open_context, with_curve
 from study.run.progress import Progress
 from study.run.results import Run3D, calibrated_runs

@@ -5,7 +5,7 @@ import pathlib
 from collections.abc import Sequence
 
 from study.case.faults import CaseError, Fault
-from study.case.model import read_case
+from study.case.read import read_case
 
 
 @dataclasses.dataclass(frozen=True)

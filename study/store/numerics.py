@@ -84,9 +84,10 @@ PARTS: dict[str, tuple[str, ...]] = {
         "study/case/record*",
     ),
     "case": (
-        "study/case/anatomy*", "study/case/beat.py", "study/case/combinations.py",
+        "study/case/anatomy*", "study/case/beat*", "study/case/combinations.py",
         "study/case/condition.py", "study/case/losses_table.py", "study/case/model.py",
-        "study/case/parameters.py", "study/case/schema.py", "study/case/table*",
+        "study/case/parameters.py", "study/case/read.py", "study/case/schema.py",
+        "study/case/table*",
         "study/run/algorithm.py", "study/run/study_options.py",
         "study/run/pipeline.py", "study/run/sweep.py", "study/run/tuning.py",
         "study/report/algorithm_results.py", "study/report/headline.py",

@@ -33,7 +33,7 @@ def _said(program: str) -> str:
 def test_packages_do_without_jax_until_a_name_needs_it():
     names = ", ".join(package.__name__ for package in _PACKAGES)
     seen = "print('jax' in sys.modules, 'numpy' in sys.modules)"
-    program = f"import sys, {names}, study.case.model; {seen}"
+    program = f"import sys, {names}, study.case.read; {seen}"
     assert _said(program) == "False False"
 
 

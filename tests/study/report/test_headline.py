@@ -9,7 +9,8 @@ import pytest
 
 from study.case.condition import Condition
 from study.case.faults import CaseError
-from study.case.model import read_case, require
+from study.case.model import require
+from study.case.read import read_case
 from study.report.algorithm_results import study_readings, study_verdict
 from study.report.diagnosis_words import sentence
 from study.report.headline import Reading, chance_at_or_below, headline, headline_numbers, percent

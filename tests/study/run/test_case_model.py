@@ -12,7 +12,7 @@ from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from jaxfsi.simulation import SolverChoice
-from study.case.model import read_case
+from study.case.read import read_case
 from study.run.anatomy_source import case_mesh
 from study.run.case_model import blood_of, wall_of
 from study.run.setup import plan_steps, prepare_simulation

@@ -21,7 +21,7 @@ from jaxfsi.simulation import Record
 from jaxfsi.simulation.cycles import inlet_of
 from lumped import MMHG
 from study.case.anatomy import MeshAnatomy, SurfaceAnatomy, SurfaceCut
-from study.case.model import read_case
+from study.case.read import read_case
 from study.run.anatomy_source import case_mesh
 from study.run.progress import Progress
 from study.run.ramp import _columns

@@ -10,7 +10,7 @@ import study.run.mesh as mesh_case
 from calibration.outlets import outlet_shares, share_of
 from jaxfsi.opening import opening_area
 from lumped import Constant, Coronary
-from study.case.model import read_case
+from study.case.read import read_case
 from study.run.opening_checks import names_segment
 from study.run.setup import check_simulation, plan_steps
 from study.run.simulation import march_seconds

@@ -10,7 +10,7 @@ import pytest
 
 import study.run.run_3d as run_3d
 import study.store.numerics as numerics
-from study.case.model import read_case
+from study.case.read import read_case
 from study.run.computed_parts import computed_parts, older_parts
 from study.run.progress import Progress
 from study.run.results import PlannedRun, Run3D, RunHistory, RunId

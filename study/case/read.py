@@ -1,0 +1,69 @@
+"""Reading the case of one patient from its file.
+
+A case file is TOML; `study.case.template` shows every key. All faults of a file are
+reported together.
+"""
+
+import os
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+from study.case.condition import Condition
+from study.case.faults import CaseError
+from study.case.model import Case
+from study.case.parameters import (
+    BloodParameters,
+    CoronaryParameters,
+    MeshOptions,
+    SolverOptions,
+    StressParameters,
+    SurrogateParameters,
+    TissueParameters,
+    WallParameters,
+    WindkesselParameters,
+)
+from study.case.schema import FREE_TEXT
+from study.case.table_reader import Context
+from study.case.tables import key_homes, read_tables
+from study.case.toml_file import read_document
+
+
+def read_case(path: str | os.PathLike[str]) -> Case:
+    """Read a case file.
+
+    Args:
+        path: the TOML file.
+
+    Returns:
+        The case, in CGS.
+
+    Raises:
+        CaseError: the file cannot be read or holds faults; all of them are listed.
+    """
+    file = pathlib.Path(path)
+    document = read_document(file)
+    context = Context(file, [], {key: {} for key in FREE_TEXT}, key_homes())
+    values = read_tables(document, context)
+    if context.faults:
+        raise CaseError(context.faults)
+    return _build(file, values, context.texts)
+
+
+def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[str, str]]) -> Case:
+    return Case(
+        path=file,
+        id=values["patient"]["id"],
+        anatomy=values["anatomy"],
+        wall=WallParameters(**values["wall"], tissue=TissueParameters(**values["tissue"])),
+        conditions={n: Condition(name=n, **entry) for n, entry in values["condition"].items()},
+        coronary=CoronaryParameters(**values["coronary"]),
+        surrogate=SurrogateParameters(**values["surrogate"]),
+        solver=SolverOptions(**values["solver"]),
+        source=texts["source"],
+        blood=BloodParameters(**values["blood"]),
+        stress=StressParameters(**values["stress"]),
+        windkessel=WindkesselParameters(**values["windkessel"]),
+        mesh=MeshOptions(**values["mesh"]),
+        notes=texts["notes"],
+    )

@@ -16,11 +16,13 @@ from study import demo_case_path, read_case
 from study.case.model import Case
 from study.case.parameters import SurrogateParameters
 from study.run.anatomy_source import case_anatomy, states_of
+from study.run.fitted_ramp import fitted
 from study.run.mesh import mesh_state
 from study.run.progress import Progress
-from study.run.ramp import RampChoice, fitted, ramp_record
+from study.run.ramp import ramp_record
 from study.run.results import PlannedRun, RunId
-from study.run.run_3d import RunChoice, RunContext, fsi_run
+from study.run.run_3d import RunContext, fsi_run
+from study.run.study_choice import RampChoice, RunChoice
 from study.run.study_options import QUICK_RATE, QUICK_TOLERANCE
 from study.store.meshes import mesh_key
 

@@ -6,8 +6,9 @@ from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.report.algorithm_report import write_study
-from study.run.algorithm import check_study, run_study
+from study.run.algorithm import run_study
 from study.run.progress import Progress
+from study.run.study_context import check_study
 from study.run.study_options import study_case, study_choice
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work

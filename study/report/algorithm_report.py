@@ -19,8 +19,8 @@ from study.report.simulation_pictures import (
     draw_simulation,
 )
 from study.report.simulation_results import SERIES_FILE, Drawn, embedded_pictures
-from study.run.algorithm import StudyResult
 from study.run.progress import Progress
+from study.run.study_result import StudyResult
 from study.store.json_form import as_json
 from study.store.output import write_files
 from study.store.provenance import Provenance

@@ -19,14 +19,14 @@ from study.report.documents.study import (
     StudyWall,
 )
 from study.report.headline import Reading, headline, headline_numbers
+from study.report.older_parts import older_parts
 from study.report.sensitivity_part import sensitivity_parts
 from study.report.simulation_results import Drawn
-from study.run.algorithm import StudyResult
-from study.run.computed_parts import older_parts
 from study.run.lumen_parts import measured_states
 from study.run.patient import LINEAR, QUADRATIC
 from study.run.results import CURVE, NOMINAL, PAPER, Run3D
-from study.run.sensitivity import Sensitivity
+from study.run.study_parts import Sensitivity
+from study.run.study_result import StudyResult
 from study.run.tuning import ratio_error
 from study.store.document_rows import CALIBRATED, FIXED
 from study.store.json_form import ABSENT

@@ -14,7 +14,7 @@ from jaxfsi.opening import ANOMALOUS
 from lumped import MM
 from study.report.documents.study import LumenPieces, Sensitivity3D
 from study.run.results import Run3D
-from study.run.sensitivity import Sensitivity
+from study.run.study_parts import Sensitivity
 
 BOTH = ("alpha", "E", "nu", "thickness", "P_image", "rho_f", "mu")
 """Parameters that a run at rest shares with one under stress."""

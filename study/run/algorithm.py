@@ -11,7 +11,6 @@ Every step is a stage that is kept (`study.store.stages`): the same call goes on
 Source: Puelz et al. 2024, algorithm 1; step 3 is ours.
 """
 
-import dataclasses
 import pathlib
 from collections.abc import Sequence
 from typing import Any
@@ -22,134 +21,33 @@ from calibration import (
     LoopFit,
     calibrate_in_loop,
 )
-from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import read_series
-from jaxfsi.fields.aortic_site import aortic_site
 from jaxfsi.fields.lumen_sections import lumen_motion
-from study.case.anatomy import MeshAnatomy
-from study.case.faults import CaseError, Fault
-from study.case.model import Case, require
-from study.case.parameters import SurrogateParameters
-from study.run.anatomy_source import case_anatomy, case_mesh, states_of
-from study.run.computed_parts import Computed, computed_parts
-from study.run.lumen_parts import MotionPart, motion_part
-from study.run.mesh import mesh_state, planned_steps
-from study.run.opening_checks import check_names, check_openings
-from study.run.patient import LINEAR, QUADRATIC, stress_rules
+from study.case.model import Case
+from study.run.anatomy_source import states_of
+from study.run.computed_parts import computed_parts
+from study.run.fitted_ramp import fitted
+from study.run.lumen_parts import motion_part
+from study.run.mesh import planned_steps
+from study.run.patient import LINEAR, QUADRATIC
 from study.run.pipeline import CaseResult, run_case
 from study.run.progress import Progress
-from study.run.ramp import RAMP, FittedRamp, RampChoice, fitted, ramp_record
+from study.run.ramp import RAMP, ramp_record
 from study.run.results import CURVE, LOOP, NOMINAL, PAPER, PlannedRun, Run3D, RunId, calibrated_runs
-from study.run.run_3d import RunChoice, RunContext, fsi_run, run_key
-from study.run.sensitivity import Sensitivity, run_sensitivity
-from study.run.setup import STEP, check_simulation
+from study.run.run_3d import RunContext, fsi_run, run_key
+from study.run.sensitivity import run_sensitivity
+from study.run.setup import STEP
+from study.run.study_choice import StudyChoice
+from study.run.study_context import check_study, open_context, with_curve
+from study.run.study_parts import MotionPart, Sensitivity
+from study.run.study_result import StudyResult
 from study.store.json_form import as_json, from_json
-from study.store.meshes import mesh_key
 from study.store.result_files import FIELD_FOLDER
 from study.store.stages import stage_key
 
 _SECONDS_A_STEP = 0.16
 _COMPILE = 40.0
-
-
-@dataclasses.dataclass(frozen=True)
-class StudyChoice:
-    """How a study is made.
-
-    Attributes:
-        run: how its 3D runs are made.
-        ramp: how the ramp is made.
-        rules: stress rules to run; None: that of the case.
-        nominal: also run every condition with α = 1.
-        paper: also run rest with the α of the linear surrogate.
-        sensitivities: conditions whose calibrated run is differentiated.
-    """
-
-    run: RunChoice = dataclasses.field(default_factory=RunChoice)
-    ramp: RampChoice = dataclasses.field(default_factory=RampChoice)
-    rules: tuple[str, ...] | None = None
-    nominal: bool = False
-    paper: bool = True
-    sensitivities: tuple[str, ...] = ()
-
-
-@dataclasses.dataclass(frozen=True)
-class StudyResult:
-    """All that a study found.
-
-    Attributes:
-        case: the case; its surrogate is the curve of the ramp.
-        mesh: its mesh.
-        anatomy: the anatomy; None where the case names a finished mesh.
-        folder: where stages and runs are kept.
-        choice: how it was made.
-        ramp: the ramp and its curve.
-        reduced: everything in 0D with that curve.
-        loop: the calibration in 3D.
-        rest: id of the run at rest that it chose.
-        runs: the 3D runs, those at rest first, in order.
-        motion: lumen and wall over a cycle, by id of the run.
-        sensitivities: what moves the ratio of a run, by id of the run.
-        failures: why a run has none, by the same.
-        computed: when each part was computed, and by which code.
-    """
-
-    case: Case
-    mesh: Mesh
-    anatomy: Anatomy | None
-    folder: pathlib.Path
-    choice: StudyChoice
-    ramp: FittedRamp
-    reduced: CaseResult
-    loop: LoopFit
-    rest: str
-    runs: list[Run3D]
-    motion: dict[str, MotionPart]
-    sensitivities: dict[str, Sensitivity]
-    failures: dict[str, str]
-    computed: Computed
-
-    @property
-    def calibrated(self) -> list[Run3D]:
-        """Runs with α as calibrated, rest first."""
-        return calibrated_runs(self.runs, self.rest)
-
-
-def check_study(case: Case, choice: StudyChoice) -> None:
-    """Refuse a case that a study cannot use; all faults are listed.
-
-    Raises:
-        CaseError: what is missing or out of range, or the fault of a finished mesh.
-    """
-    require(case, "study")
-    check_names(case, segment=False)
-    faults: list[Fault] = []
-    for name in case.conditions:
-        try:
-            check_simulation(case, name, rigid=False, dt=choice.run.dt)
-        except CaseError as error:
-            faults += [fault for fault in error.faults if fault not in faults]
-    known = stress_rules(case)
-    for rule in choice.rules or ():
-        if rule not in known:
-            problem = f"there is no stress rule {rule!r}"
-            cure = "add the factors below [stress]" if rule == "factors" else "choose a known one"
-            faults.append(Fault(case.path, "stress.rule", None, problem, ", ".join(known), cure))
-    for name in choice.sensitivities:
-        if name not in case.conditions:
-            problem = f"there is no condition {name!r} to differentiate"
-            allowed = ", ".join(case.conditions)
-            faults.append(
-                Fault(case.path, "condition", None, problem, allowed, "choose from those run")
-            )
-    if choice.sensitivities and choice.run.continued:
-        problem = "a run that goes on from rest cannot be differentiated alone"
-        faults.append(Fault(case.path, "", None, problem, "", "leave --continued out"))
-    if faults:
-        raise CaseError(faults)
-    if isinstance(case.anatomy, MeshAnatomy):
-        case_mesh(case)  # a damaged mesh is refused before a folder is made
 
 
 def run_study(
@@ -200,37 +98,6 @@ def run_study(
         failures=failures,
         computed=computed_parts(context, [run.id for run in runs], list(found)),
     )
-
-
-def open_context(
-    case: Case, folder: pathlib.Path, choice: RunChoice, progress: Progress
-) -> tuple[RunContext, Anatomy | None]:
-    """What all runs of a case share, its mesh made or taken from the cache, and its anatomy.
-
-    Args:
-        case: the case.
-        folder: where stages and runs are kept.
-        choice: how runs are made.
-        progress: told of the meshing.
-
-    Raises:
-        CaseError: no mesh can be made, or it lacks an opening.
-    """
-    state = states_of(case)[0]
-    found = mesh_state(case, state, progress)
-    mesh = found.mesh
-    check_openings(case, mesh, rigid=False)
-    anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
-    site = aortic_site(mesh, anatomy)
-    key = mesh_key(case, state)
-    return RunContext(case, mesh, key, folder, choice, progress, site, found.made), anatomy
-
-
-def with_curve(context: RunContext, a: float, b: float) -> RunContext:
-    """The context whose case has a ramp's curve for surrogate, a [dyn·s/cm⁵], b [dyn·s²/cm⁸]."""
-    case = context.case
-    curve = SurrogateParameters(R0=a, K=b, C0=case.surrogate.C0, law=QUADRATIC)
-    return dataclasses.replace(context, case=dataclasses.replace(case, surrogate=curve))
 
 
 def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:

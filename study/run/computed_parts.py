@@ -1,67 +1,12 @@
-"""When each part of a study was computed and by which code, and which parts are older."""
+"""When each part of a study was computed and by which code."""
 
-import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from study.run.ramp import RAMP
 from study.run.run_3d import RunContext
+from study.run.study_parts import Code, Computed, ComputedPart
 from study.store.provenance import made_now
-
-
-@dataclasses.dataclass(frozen=True)
-class Code:
-    """Code that computed something; None where that is not known.
-
-    Attributes:
-        version: of the package.
-        commit: of its checkout.
-        libraries: versions by name.
-        numerics: versions of the parts of the numerics by name.
-    """
-
-    version: str | None
-    commit: str | None
-    libraries: dict[str, str | None] | None
-    numerics: dict[str, str] | None
-
-
-@dataclasses.dataclass(frozen=True)
-class ComputedPart:
-    """A part of a study, and the code that began it.
-
-    Attributes:
-        part: its name.
-        kept: whether it was done before the command that wrote the document.
-        date: when it was done.
-        begun: when its march was begun.
-        version: see `Code`.
-        commit: see `Code`.
-        libraries: see `Code`.
-        numerics: see `Code`.
-    """
-
-    part: str
-    kept: bool
-    date: str | None
-    begun: str | None
-    version: str | None
-    commit: str | None
-    libraries: dict[str, str | None] | None
-    numerics: dict[str, str] | None
-
-
-@dataclasses.dataclass(frozen=True)
-class Computed:
-    """The parts of a study.
-
-    Attributes:
-        by: the code that wrote the document.
-        parts: mesh, ramp, runs and derivatives.
-    """
-
-    by: Code
-    parts: list[ComputedPart]
 
 
 def computed_parts(
@@ -99,30 +44,3 @@ def _part(
 
 def _code(made: Mapping[str, Any]) -> dict[str, Any]:
     return {name: made.get(name) for name in ("version", "commit", "libraries", "numerics")}
-
-
-def older_parts(computed: Computed) -> Iterator[str]:
-    """Sentences on parts that other code computed than the one at work, oldest first."""
-    groups: dict[tuple[Any, ...], list[tuple[str, str]]] = {}
-    for part in sorted(computed.parts, key=lambda p: p.begun or ""):
-        if part.begun is not None and _differs(part, part.begun, computed.by):
-            known = groups.setdefault((part.version, part.commit), [])
-            known.append((part.part, part.begun[:10]))
-    for (version, commit), parts in groups.items():
-        names = ", ".join(name for name, _ in parts)
-        dates = sorted({date for _, date in parts})
-        days = dates[0] if len(dates) == 1 else f"{dates[0]} to {dates[-1]}"
-        code = f"jaxfsi {version}" + (f", commit {commit}" if commit else "")
-        yield (
-            f"{names}: computed on {days} by {code}, and kept since what they follow from is"
-            " unchanged; the rest is newer"
-        )
-
-
-def _differs(part: ComputedPart, begun: str, by: Code) -> bool:
-    """Whether a part is kept, and other code or libraries made it."""
-    if not (part.kept or begun < (part.date or "")):
-        return False
-    local = "local changes" in (part.commit or "")
-    now = (by.version, by.commit, by.libraries)
-    return local or (part.version, part.commit, part.libraries) != now

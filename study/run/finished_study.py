@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.read import read_case
-from study.run.algorithm import check_study, open_context, with_curve
 from study.run.progress import Progress
 from study.run.results import Run3D, calibrated_runs
 from study.run.run_3d import RunContext
+from study.run.study_context import check_study, open_context, with_curve
 from study.run.study_options import study_case, study_choice
 from study.store.json_form import from_json
 from study.store.numerics import decided_by

@@ -1,7 +1,5 @@
 """The lumen of the anomalous artery as documents hold it: measured, and over a cycle in 3D."""
 
-import dataclasses
-
 import numpy as np
 
 from jaxfsi import read_ivus_contours
@@ -10,59 +8,10 @@ from lumped import MM
 from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
+from study.run.study_parts import MeasuredLumen, MotionPart, Numbers
 
 _MM2 = MM**2
 _KPA = 1.0e4  # dyn/cm²
-
-Numbers = list[float | None]
-
-
-@dataclasses.dataclass(frozen=True)
-class MotionPart:
-    """Lumen and wall over a cycle; a number is None where a plane finds no lumen.
-
-    Attributes:
-        t_s: times of the frames from the start of the cycle.
-        s_mm: distance of each plane from the ostium.
-        area_image_mm2: area in the reference shape.
-        minor_image_mm: minor axis there.
-        area_mm2: area, by frame and plane.
-        minor_mm: minor axis, by frame and plane.
-        narrowest: index of the plane with the least area.
-        narrowest_s_mm: where it lies.
-        least_area_mm2: least area there.
-        largest_area_mm2: largest area there.
-        area_change: one less their ratio [-].
-        von_mises_p99_kPa: 99th percentile of the stress of the wall around the planes.
-    """
-
-    t_s: list[float]
-    s_mm: Numbers
-    area_image_mm2: Numbers
-    minor_image_mm: Numbers
-    area_mm2: list[Numbers]
-    minor_mm: list[Numbers]
-    narrowest: int
-    narrowest_s_mm: float
-    least_area_mm2: float
-    largest_area_mm2: float
-    area_change: float
-    von_mises_p99_kPa: list[float]
-
-
-@dataclasses.dataclass(frozen=True)
-class MeasuredLumen:
-    """Lumen of a state as its contours give it.
-
-    Attributes:
-        s_mm: distance from the ostium.
-        area_mm2: area of each contour.
-        minor_mm: its minor axis.
-    """
-
-    s_mm: Numbers
-    area_mm2: Numbers
-    minor_mm: Numbers
 
 
 def motion_part(motion: LumenMotion) -> MotionPart:

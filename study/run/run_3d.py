@@ -27,6 +27,7 @@ from study.run.progress import Progress
 from study.run.results import PlannedRun, Run3D, RunCycle, RunHistory, stored_run
 from study.run.setup import Setup, plan_steps, prepare_simulation
 from study.run.simulation import Outcome, run_simulation
+from study.run.study_choice import RunChoice
 from study.store.earlier_run import clear_run
 from study.store.json_form import as_json
 from study.store.provenance import made_now, now
@@ -35,22 +36,6 @@ from study.store.stages import Stages, stage_key
 
 INPUTS_FILE = "inputs.txt"
 _MOST_SAMPLES = 400
-
-
-@dataclasses.dataclass(frozen=True)
-class RunChoice:
-    """How runs are made.
-
-    Attributes:
-        dt: longest step [s]; None: as the case says.
-        cycles: of a run.
-        continued: whether stress goes on from the end of rest, as in the paper, instead of
-            starting from its own periodic state in 0D.
-    """
-
-    dt: float | None = None
-    cycles: int = 1
-    continued: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -57,6 +57,7 @@ from study.run.setup import (
     image_pressure,
     outlets_of,
 )
+from study.run.study_parts import Sensitivity
 from study.store.stages import PartOfStage, stage_key
 
 MOST_ITERATIONS = 80
@@ -104,25 +105,6 @@ def under(
     ports = tuple(made.get(name, port) for name, port in zip(model.names, model.ports, strict=True))
     model = eqx.tree_at(lambda m: m.ports, model, ports)
     return ports, initial_state(model, p=inlet(0.0), blocks=outlets.starts_of(model.names))
-
-
-class Sensitivity(NamedTuple):
-    """What moves the ratio of a run.
-
-    Attributes:
-        ratio: of the run, pressures read in every step [-].
-        relative: ∂ log ratio / ∂ log parameter, by name [-].
-        lumen: derivative of the ratio per shift outwards and area at each node of the lumen,
-            smoothed [1/cm³].
-        raw: the same without smoothing.
-        seconds: that the sweep took [s].
-    """
-
-    ratio: float
-    relative: dict[str, float]
-    lumen: Float[np.ndarray, " nodes"]
-    raw: Float[np.ndarray, " nodes"]
-    seconds: float
 
 
 def run_sensitivity(context: RunContext, run: PlannedRun) -> Sensitivity:

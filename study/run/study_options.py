@@ -6,9 +6,7 @@ from lumped import MMHG
 from study.case.advice import nearest
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
-from study.run.algorithm import StudyChoice
-from study.run.ramp import RampChoice
-from study.run.run_3d import RunChoice
+from study.run.study_choice import RampChoice, RunChoice, StudyChoice
 from study.store.options import StudyOptions
 
 QUICK_STEP, QUICK_RATE = 2.0e-3, 150.0 * MMHG

@@ -15,10 +15,10 @@ from lumped import MMHG
 from study import read_case
 from study.case.parameters import WallParameters
 from study.case.record import read_record
-from study.run.algorithm import open_context
 from study.run.finished_study import FinishedStudy, RampCurve
 from study.run.progress import Progress
-from study.run.run_3d import RunChoice
+from study.run.study_choice import RunChoice
+from study.run.study_context import open_context
 from tests.study.quick_march import QuickMarch
 from tests.study.tube_case import write_case
 

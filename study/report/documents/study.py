@@ -4,10 +4,8 @@ import dataclasses
 from typing import Any
 
 from study.report.documents.parts import Headline, Note
-from study.run.computed_parts import Computed
-from study.run.lumen_parts import MeasuredLumen, MotionPart
-from study.run.ramp import RampPart
 from study.run.results import Run3D
+from study.run.study_parts import Computed, MeasuredLumen, MotionPart, RampPart
 from study.store.json_form import under
 from study.store.provenance import Provenance
 

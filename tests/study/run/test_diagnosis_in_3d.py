@@ -24,13 +24,13 @@ from lumped import MMHG
 from study import read_case
 from study.case.parameters import WallParameters
 from study.case.record import record_files
-from study.run.algorithm import open_context
 from study.run.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d
 from study.run.driven_beat import PHASES, Drive, drive_key, drive_setup, known_difference
 from study.run.finished_study import FinishedStudy, RampCurve, finished_study
 from study.run.progress import Progress
 from study.run.results import Run3D, RunHistory
-from study.run.run_3d import RunChoice
+from study.run.study_choice import RunChoice
+from study.run.study_context import open_context
 from study.store.json_form import ABSENT, as_json
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by

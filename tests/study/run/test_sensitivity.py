@@ -15,7 +15,7 @@ from study import read_case
 from study.case.parameters import SurrogateParameters
 from study.run.progress import Progress
 from study.run.results import PlannedRun, RunId
-from study.run.run_3d import RunChoice, RunContext, setup_of
+from study.run.run_3d import RunContext, setup_of
 from study.run.sensitivity import (
     boundary_of,
     by_parameters,
@@ -24,6 +24,7 @@ from study.run.sensitivity import (
     swept_gradient,
     under,
 )
+from study.run.study_choice import RunChoice
 
 NAME = PlannedRun(RunId("loop", "exercise", "printed"), 0.12)
 STEPS = 12

@@ -11,10 +11,12 @@ import pytest
 import study.run.run_3d as run_3d
 import study.store.numerics as numerics
 from study.case.read import read_case
-from study.run.computed_parts import computed_parts, older_parts
+from study.report.older_parts import older_parts
+from study.run.computed_parts import computed_parts
 from study.run.progress import Progress
 from study.run.results import PlannedRun, Run3D, RunHistory, RunId
-from study.run.run_3d import RunChoice, RunContext, fsi_run, run_key
+from study.run.run_3d import RunContext, fsi_run, run_key
+from study.run.study_choice import RunChoice
 from study.store.json_form import as_json
 from study.store.meshes import entry_key, mesh_key
 from study.store.result_files import CHECKPOINT_FILE

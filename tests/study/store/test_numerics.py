@@ -6,7 +6,8 @@ import subprocess
 import pytest
 
 import study.store.numerics as numerics
-from study.run.computed_parts import Code, Computed, ComputedPart, older_parts
+from study.report.older_parts import older_parts
+from study.run.study_parts import Code, Computed, ComputedPart
 from study.store.numerics_manifest import Manifest, content_digest, read_manifest, write_manifest
 
 SOURCE = b'''"""A law."""

@@ -65,7 +65,8 @@ class Effect(NamedTuple):
         source: origin of the equation and of the range of sizes.
         one_sided: whether only positive sizes exist.
         tolerance: relative uncertainty of the waveform, 0 if the equation is exact.
-        nonlinear: whether it makes the pressure drop of the ostium nonlinear in the flow.
+        nonlinear: whether the drop of the ostium is nonlinear in the flow or varies in time (it
+            uses `K`, `K_known` or `R0_wave`, which the linear solution ignores).
         two_starts: whether its fit may have two optima and also starts at one sd.
         ridge: whether size and α are confounded along a curved ridge without waveforms, so that
             the evidence is an integral over the size, see `ridge`; one-sided effects only.

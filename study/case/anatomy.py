@@ -12,8 +12,7 @@ from pydantic.dataclasses import dataclass
 from jaxfsi.anatomy.sources.parameters import PARAMETER_RANGES
 from jaxfsi.anatomy.sources.parameters import SyntheticAnatomy as Drawn
 from lumped.units import MM
-from study.case.parameters import Number
-from study.case.schema import Key, Location, Quantity, Word, keys_of
+from study.case.schema import Key, Location, Number, Quantity, Word, keys_of
 
 FIRST_STATE = "rest_diastole"
 """State of contours that stand directly below [anatomy]."""

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from lumped.units import ML_PER_MIN, MMHG
-from study.case.losses_table import R0
+from study.case.ostium import R0
 from study.case.schema import UNITS, Quantity, convert, readable, spellings
 from study.case.table_reader import Context
 

@@ -5,8 +5,7 @@ from typing import Annotated, Literal
 from pydantic.dataclasses import dataclass
 
 from study.case.beat import Beat
-from study.case.parameters import Number
-from study.case.schema import Location, Quantity, Word, keys_of
+from study.case.schema import Location, Number, Quantity, Word, keys_of
 
 FFR_MEANING = (
     "FFR is mean distal over mean aortic pressure; at 1 or above there is no loss to calibrate: "
@@ -76,3 +75,9 @@ class Condition:
 
 
 CONDITION = keys_of(Condition)
+
+CONDITION_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,39}"
+"""Names that a condition may have."""
+
+MOST_CONDITIONS = 100
+"""Of a case or a record: some are rest and drugs, many are a slip."""

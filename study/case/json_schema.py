@@ -13,11 +13,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from study.case.anatomy import STATE
-from study.case.losses_table import Uncertain
-from study.case.parameters import ThicknessBounds
+from study.case.condition import CONDITION_NAME, MOST_CONDITIONS
+from study.case.ostium import Uncertain
+from study.case.parameters import STRESS_FACTORS, ThicknessBounds
 from study.case.schema import FREE_TEXT, Flag, Key, Quantity, Word, keys_of, readable, spellings
 from study.case.sections import CASE, CONDITION_SLOT, RECORD, Section
-from study.case.tables import CONDITION_NAME, MOST_CONDITIONS, STRESS_FACTORS
 from study.case.template import default_of
 
 VERSION = 1

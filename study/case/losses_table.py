@@ -6,49 +6,11 @@ logarithm; it may be stated in either unit.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic.dataclasses import dataclass
-
-from study.case.parameters import Number, QuadraticLoss, Resistance
+from study.case.ostium import R0, Uncertain
 from study.case.schema import Key, Quantity, keys_of, spellings
 from study.case.table_reader import Context, contradict, read_table
-
-
-@dataclass(frozen=True)
-class OstiumLosses:
-    """The artery at its origin, dP = R0 Q + K Q abs(Q) + L dQ/dt.
-
-    Without R0 the record says 5.0e3 within a factor of 2.7 (95 %); jaxfsi diagnose --case takes R0
-    from a case, or the whole curve from a finished study. The sd of the logarithm of R0, 0.01 to 3,
-    is 0.15 where it is not given.
-    """
-
-    R0: Resistance = None
-    K: QuadraticLoss = None
-    L: Annotated[
-        Number | None,
-        Quantity(
-            "inertance", "dyn_s2_per_cm5", 0.0, 1.33322e5, also=("mmHg_s2_per_ml",),
-            text="inertance", example=40.0,
-        ),
-    ] = None  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Uncertain:
-    """A resistance as a table."""
-
-    sd_log: Annotated[
-        Number | None, Quantity("number", "", 0.01, 3.0, text="sd of the logarithm", example=0.15)
-    ] = None
-
-
-LOSS_KEYS = keys_of(OstiumLosses)
-"""What a record may know of the ostium: its resistance, and the rest of a ramp's curve."""
-
-R0, K, _ = LOSS_KEYS
-assert isinstance(R0, Quantity)
 
 
 def read_losses(

@@ -9,12 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic.dataclasses import dataclass
 
 from lumped.nominal import C0_NOMINAL, NOMINAL
-from study.case.schema import Quantity, Word
-
-Number = Any
-"""A float, or an array of JAX where a result is differentiated by it; cases do without JAX."""
-
-CARREAU_YASUDA = "carreau_yasuda"
+from study.case.schema import Number, Quantity, Word
 
 
 @dataclass(frozen=True)
@@ -241,6 +236,12 @@ class StressParameters:
         Word(options=("printed", "all"), text="reading of the published rule"),
     ] = "printed"
     factors: dict[str, Any] | None = None
+
+
+STRESS_FACTORS = tuple(
+    Quantity("number", "", 0.01, 100.0, name=name, field=name, default=1.0) for name in NOMINAL
+)
+"""Keys of [stress.factors]."""
 
 
 @dataclass(frozen=True)

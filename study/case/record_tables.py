@@ -5,111 +5,16 @@ What a case file knows too is spelt as there: `[patient] id`, `[condition.NAME]`
 `[prior]`, `file`.
 """
 
-from typing import Annotated, Any, Literal, get_args
-
-from pydantic.dataclasses import dataclass
+from typing import Any
 
 from lumped.units import MMHG, MMHG_S_PER_ML
-from study.case.condition import FFR_MEANING, DiastolicPressure, Period, SystolicPressure
-from study.case.losses_table import LOSS_KEYS, R0, read_losses
-from study.case.parameters import Number, PatientParameters
-from study.case.schema import FREE_TEXT, Flag, Location, Quantity, Word, keys_of, spellings
+from study.case.losses_table import read_losses
+from study.case.ostium import LOSS_KEYS, R0, sd_log_of
+from study.case.recorded import CONDITION, DRUGS, NOISE, PATIENT
+from study.case.schema import FREE_TEXT, spellings
 from study.case.table_reader import Context, check_order, contradict, read_free_texts, read_table
-from study.case.tables import CONDITION_NAME, condition_tables, too_many
+from study.case.tables import condition_tables, too_many
 
-R0_SD_LOG = 0.15
-"""Log-sd of a resistance that is stated without one: as of a patient's own anatomy."""
-
-
-Drug = Literal["none", "adenosine", "dobutamine"]
-"""What was given under a condition."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Noise, as standard deviations.
-
-    That of the mean beat is estimated from the scatter of the beats where three or more were
-    recorded.
-    """
-
-    pressure_sd: Annotated[
-        Number | None,
-        Quantity(
-            "pressure", "mmHg", 0.02, 20.0, example=1.0,
-            text="of one sample of the mean beat, not of one beat",
-        ),
-    ] = None  # fmt: skip
-    pressure_offset_sd: Annotated[
-        Number | None,
-        Quantity(
-            "pressure", "mmHg", 0.01, 20.0, text="zero error of a whole pressure trace", example=0.5
-        ),
-    ] = None  # fmt: skip
-    flow_relative_sd: Annotated[
-        Number | None,
-        Quantity("ratio", "", 0.001, 1.0, text="of a flow, over its mean in a beat", example=0.05),
-    ] = None
-    ffr_sd: Annotated[
-        Number | None, Quantity("ratio", "", 0.0005, 0.2, text="of a pressure ratio", example=0.01)
-    ] = None
-
-
-@dataclass(frozen=True)
-class Recorded:
-    """One table for each condition, under any name, in the order in which they were measured.
-
-    Each needs the aortic pressures and the period, and something to compare with: ffr, means or
-    traces.
-    """
-
-    name: Annotated[str, Word(pattern=CONDITION_NAME, described="a short name")]
-    drug: Annotated[
-        Drug,
-        Word(text="by default what the name says", example="none"),
-    ]
-    period: Period
-    P_systolic: SystolicPressure
-    P_diastolic: DiastolicPressure
-    order: Annotated[
-        Number | None,
-        Quantity(
-            "number", "", 0.0, 20.0, whole=True, text="place in time; default: as in this file",
-            example=0,
-        ),
-    ] = None  # fmt: skip
-    mean_P_aorta: Annotated[
-        Number | None, Quantity("pressure", "mmHg", 20.0, 250.0, text="aortic mean", example=86.5)
-    ] = None
-    mean_P_distal: Annotated[
-        Number | None, Quantity("pressure", "mmHg", 5.0, 250.0, text="distal mean", example=78.5)
-    ] = None
-    ffr: Annotated[
-        Number | None,
-        Quantity(
-            "ratio", "", 0.0, 1.15, exclusive=True, advice=FFR_MEANING, example=0.91,
-            text="mean distal over mean aortic pressure",
-        ),
-    ] = None  # fmt: skip
-    mean_Q: Annotated[
-        Number | None,
-        Quantity(
-            "flow", "ml_per_min", 0.0, 2000.0, exclusive=True, name="mean_flow",
-            text="coronary flow", example=130.0,
-        ),
-    ] = None  # fmt: skip
-    waveform: Annotated[
-        str | None,
-        Location(
-            described="CSV file with time_s,P_aorta_mmHg,P_distal_mmHg",
-            text="traces beside this file", example="rest.csv", older=("file",),
-        ),
-    ] = None  # fmt: skip
-    held_out: Annotated[bool, Flag(text="true: predicted only, then compared")] = False
-
-
-PATIENT, NOISE, CONDITION = keys_of(PatientParameters), keys_of(Noise), keys_of(Recorded)
-DRUGS = get_args(Drug)
 TABLES = ("patient", "noise", "surrogate", "condition")
 _OLD = ("id", "prior")
 
@@ -246,7 +151,7 @@ def _read_losses(document: dict[str, Any], context: Context) -> dict[str, Any]:
         return {}
     return {
         "R0": _clinical(values["R0"], MMHG_S_PER_ML),
-        "R0_sd_log": R0_SD_LOG if values["R0_sd_log"] is None else values["R0_sd_log"],
+        "R0_sd_log": sd_log_of(values["R0_sd_log"]),
         "K": _clinical(values["K"], MMHG),
         "L": _clinical(values["L"], MMHG),
     }

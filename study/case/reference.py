@@ -8,11 +8,10 @@
 from collections.abc import Iterable
 
 from study.case.anatomy import STATE
-from study.case.losses_table import Uncertain
-from study.case.parameters import ThicknessBounds
+from study.case.ostium import Uncertain
+from study.case.parameters import STRESS_FACTORS, ThicknessBounds
 from study.case.schema import UNITS, Key, Quantity, keys_of, readable, spellings
 from study.case.sections import CASE, RECORD, Section
-from study.case.tables import STRESS_FACTORS
 from study.case.template import default_of, written
 
 _HEAD = """\

@@ -20,6 +20,9 @@ from pydantic_core import core_schema
 
 from lumped.units import L_PER_MIN, ML_PER_MIN, MM, MMHG, MMHG_S_PER_ML
 
+Number = Any
+"""A float, or an array of JAX where a result is differentiated by it; cases do without JAX."""
+
 FREE_TEXT = ("notes", "source")
 """Keys that every table takes: remarks, and where its values come from."""
 

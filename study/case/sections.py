@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from study.case.anatomy import KINDS, MODELS
 from study.case.condition import Condition
-from study.case.losses_table import OstiumLosses
+from study.case.ostium import OstiumLosses
 from study.case.parameters import (
     BloodParameters,
     CoronaryParameters,
@@ -21,7 +21,7 @@ from study.case.parameters import (
     WallParameters,
     WindkesselParameters,
 )
-from study.case.record_tables import Noise, Recorded
+from study.case.recorded import Noise, Recorded
 from study.case.schema import Key, keys_of
 
 CONDITION_SLOT = "condition.NAME"

@@ -4,17 +4,18 @@ import re
 from collections.abc import Mapping, Sequence, Sized
 from typing import Any
 
-from lumped.nominal import NOMINAL
 from study.case.advice import nearest
 from study.case.anatomy import KINDS
 from study.case.anatomy_tables import read_anatomy
 from study.case.beat_file import read_beat
 from study.case.combinations import check_case
-from study.case.condition import CONDITION
+from study.case.condition import CONDITION, CONDITION_NAME, MOST_CONDITIONS
 from study.case.faults import printable, shown_key
-from study.case.losses_table import K, read_losses
+from study.case.laws import CARREAU_YASUDA
+from study.case.losses_table import read_losses
+from study.case.ostium import K
 from study.case.parameters import (
-    CARREAU_YASUDA,
+    STRESS_FACTORS,
     BloodParameters,
     CoronaryParameters,
     MeshOptions,
@@ -27,11 +28,8 @@ from study.case.parameters import (
     WallParameters,
     WindkesselParameters,
 )
-from study.case.schema import FREE_TEXT, Key, Quantity, Value, keys_of, spellings
+from study.case.schema import FREE_TEXT, Key, Value, keys_of, spellings
 from study.case.table_reader import Context, check_order, read_free_texts, read_table
-
-MOST_CONDITIONS = 100
-"""Of a case or a record: some are rest and drugs, many are a slip."""
 
 PLAIN: dict[str, type] = {
     "patient": PatientParameters,
@@ -50,14 +48,9 @@ WALL, THICKNESS, STRESS = (
     keys_of(ThicknessBounds),
     keys_of(StressParameters),
 )
-STRESS_FACTORS = tuple(
-    Quantity("number", "", 0.01, 100.0, name=name, field=name, default=1.0) for name in NOMINAL
-)
 TABLES = ("patient", "anatomy", "blood", "wall", "condition", *PLAIN, "stress")
 _OUTPUT_SLACK = 0.1
 """Stroke volume and cardiac output are rounded, and of neighbouring minutes."""
-
-CONDITION_NAME = r"[A-Za-z][A-Za-z0-9_-]{0,39}"
 
 
 def key_homes() -> dict[str, str]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from jaxfsi.opening import OUTLET
+from study.case.laws import LINEAR, QUADRATIC
 from study.case.parameters import WindkesselParameters
 from study.report.chosen_laws import chosen_laws
 from study.report.documents.parts import notes
@@ -23,7 +24,6 @@ from study.report.older_parts import older_parts
 from study.report.sensitivity_part import sensitivity_parts
 from study.report.simulation_results import Drawn
 from study.run.lumen_parts import measured_states
-from study.run.patient import LINEAR, QUADRATIC
 from study.run.results import CURVE, NOMINAL, PAPER, Run3D
 from study.run.study_parts import Sensitivity
 from study.run.study_result import StudyResult

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from study.case.laws import CARREAU_YASUDA
 from study.case.model import Case
-from study.case.parameters import CARREAU_YASUDA
 
 
 def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:

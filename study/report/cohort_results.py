@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 from study.case.anatomy import SyntheticAnatomy
 from study.case.faults import CaseError
+from study.case.laws import QUADRATIC
 from study.case.model import Case
 from study.case.read import read_case
 from study.report.agreement import Agreement, agreement
 from study.run.cohort import Fate
-from study.run.patient import QUADRATIC
 from study.run.results import CURVE, PAPER
 from study.store.document_rows import CALIBRATED, FIXED, ratio_name
 from study.store.json_form import as_json

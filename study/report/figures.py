@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from study.case.laws import LINEAR, QUADRATIC
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, legend_below, svg
-from study.run.patient import LINEAR, QUADRATIC
 from study.store.document_rows import CALIBRATED, FIXED
 
 Document = Mapping[str, Any]

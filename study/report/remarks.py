@@ -10,8 +10,9 @@ import numpy as np
 from calibration.identifiability import RATIO_PARAMETERS, RatioIdentifiability
 from calibration.identifiability import identifiability as combinations
 from lumped import ML_PER_MIN, MM, MMHG
+from study.case.laws import LINEAR, QUADRATIC
 from study.report.headline import Reading, headline
-from study.run.patient import LINEAR, QUADRATIC, Vessel
+from study.run.patient import Vessel
 from study.run.pipeline import CaseResult, Run
 from study.run.tuning import ratio_error
 from study.store.document_rows import CALIBRATED, FIXED

@@ -24,13 +24,13 @@ from calibration import (
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields import read_series
 from jaxfsi.fields.lumen_sections import lumen_motion
+from study.case.laws import LINEAR, QUADRATIC
 from study.case.model import Case
 from study.run.anatomy_source import states_of
 from study.run.computed_parts import computed_parts
 from study.run.fitted_ramp import fitted
 from study.run.lumen_parts import motion_part
 from study.run.mesh import planned_steps
-from study.run.patient import LINEAR, QUADRATIC
 from study.run.pipeline import CaseResult, run_case
 from study.run.progress import Progress
 from study.run.ramp import RAMP, ramp_record

@@ -10,9 +10,9 @@ from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of
 from diagnosis.next_measurement import isolability, next_measurements
 from lumped.units import MMHG
 from study.case.faults import CaseError, Fault
+from study.case.ostium import sd_log_of
 from study.case.read import read_case
 from study.case.record import record_path
-from study.case.record_tables import R0_SD_LOG
 from study.run.progress import Progress
 from study.store.json_form import as_json
 from study.store.layouts import FORMAT
@@ -101,7 +101,7 @@ def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
     if case.surrogate.R0 is not None:
         R0 = float(case.surrogate.R0)
         how = f"was taken from {case.path.name}"
-        return _changed(record, R0, how, case.surrogate.R0_sd_log or R0_SD_LOG)
+        return _changed(record, R0, how, case.surrogate.R0_sd_log)
     beside = case.path.parent / f"{case.path.stem}-results"
     if (beside / STUDY_FILE).is_file():
         return _with_ramp(record, beside)
@@ -125,7 +125,7 @@ def _with_ramp(record: Record, place: pathlib.Path) -> tuple[Record, str]:
     a, b, tangent = (float(ramp[k]) for k in ("a", "b", "tangent_40_mmHg"))
     if a > 0.0 and b > 0.0:
         L = max(float(ramp["inertance"]), 0.0)
-        known = dataclasses.replace(record, R0=a, R0_sd_log=R0_SD_LOG, K=b, L=L)
+        known = dataclasses.replace(record, R0=a, R0_sd_log=sd_log_of(None), K=b, L=L)
         return known, (
             f"R0 = {a / MMHG:.3g} mmHg s/ml, K = {b / MMHG:.3g} mmHg s2/ml2 and "
             f"L = {L / MMHG:.3g} mmHg s2/ml are the "
@@ -158,8 +158,10 @@ def _drop_at_rest(record: Record) -> float | None:
     return None
 
 
-def _changed(record: Record, R0: float, how: str, sd_log: float = R0_SD_LOG) -> tuple[Record, str]:
-    changed = dataclasses.replace(record, R0=R0, R0_sd_log=sd_log)
+def _changed(
+    record: Record, R0: float, how: str, sd_log: float | None = None
+) -> tuple[Record, str]:
+    changed = dataclasses.replace(record, R0=R0, R0_sd_log=sd_log_of(sd_log))
     return changed, f"R0 = {R0 / MMHG:.3g} mmHg s/ml {how}."
 
 

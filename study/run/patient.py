@@ -23,6 +23,7 @@ from lumped import (
 )
 from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
+from study.case.laws import LINEAR, QUADRATIC
 from study.case.model import Case
 
 ASSUMED_R0 = 5.0e3
@@ -30,8 +31,6 @@ ASSUMED_R0 = 5.0e3
 
 TANGENT_DROP = 40.0 * MMHG
 """Pressure drop at which the paper takes the slope of the ramp for R0 [dyn/cm²]."""
-
-LINEAR, QUADRATIC = "linear", "quadratic"
 
 
 @dataclasses.dataclass(frozen=True)

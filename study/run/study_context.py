@@ -7,12 +7,13 @@ from jaxfsi.anatomy import Anatomy
 from jaxfsi.fields.aortic_site import aortic_site
 from study.case.anatomy import MeshAnatomy
 from study.case.faults import CaseError, Fault
+from study.case.laws import QUADRATIC
 from study.case.model import Case, require
 from study.case.parameters import SurrogateParameters
 from study.run.anatomy_source import case_anatomy, case_mesh, states_of
 from study.run.mesh import mesh_state
 from study.run.opening_checks import check_names, check_openings
-from study.run.patient import QUADRATIC, stress_rules
+from study.run.patient import stress_rules
 from study.run.progress import Progress
 from study.run.run_3d import RunContext
 from study.run.setup import check_simulation

@@ -87,9 +87,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "case": (
         "study/case/anatomy*", "study/case/beat*", "study/case/combinations.py",
-        "study/case/condition.py", "study/case/losses_table.py", "study/case/model.py",
-        "study/case/parameters.py", "study/case/read.py", "study/case/schema.py",
-        "study/case/table*",
+        "study/case/condition.py", "study/case/laws.py", "study/case/losses_table.py",
+        "study/case/model.py", "study/case/ostium.py", "study/case/parameters.py",
+        "study/case/read.py", "study/case/schema.py", "study/case/table*",
         "study/run/algorithm.py", "study/run/study_choice.py", "study/run/study_context.py",
         "study/run/study_options.py", "study/run/study_result.py",
         "study/run/pipeline.py", "study/run/sweep.py", "study/run/tuning.py",

@@ -28,8 +28,9 @@ from study import (
 )
 from study.case.anatomy import KINDS
 from study.case.condition import CONDITION
+from study.case.parameters import STRESS_FACTORS
 from study.case.schema import keys_of
-from study.case.tables import PLAIN, STRESS, STRESS_FACTORS, THICKNESS, WALL
+from study.case.tables import PLAIN, STRESS, THICKNESS, WALL
 
 GOOD = (pathlib.Path(__file__).parent / "good_case.toml").read_text()
 

@@ -13,7 +13,7 @@ from jaxfsi.simulation import SolverChoice, StepControl
 from lumped import nominal_coronary
 from study import BloodParameters, CoronaryParameters, MeshOptions, SolverOptions, WallParameters
 from study.case.json_schema import json_schema, schema_path, schema_text
-from study.case.parameters import CARREAU_YASUDA
+from study.case.laws import CARREAU_YASUDA
 from study.case.reference import reference
 from study.case.schema import keys_of, spellings
 from study.case.sections import CASE, CONDITION_SLOT, RECORD, Section

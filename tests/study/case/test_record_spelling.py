@@ -8,10 +8,10 @@ import pytest
 
 from lumped.units import MMHG_S_PER_ML
 from study.case.faults import CaseError
-from study.case.losses_table import LOSS_KEYS
+from study.case.ostium import LOSS_KEYS
 from study.case.read import read_case
 from study.case.record import read_record
-from study.case.record_tables import CONDITION, NOISE
+from study.case.recorded import CONDITION, NOISE
 from study.case.schema import Quantity, spellings
 from study.case.template import case_template, example_traces, record_template
 from study.run.diagnosis import with_case

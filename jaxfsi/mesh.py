@@ -4,13 +4,18 @@ Fluid and solid are two regions of one mesh, so the interface conforms by constr
 faces make up the interface and the boundary follows from the tetrahedra and their regions alone
 (`jaxfsi.faces.region_faces`); only the names of the openings come from outside. Faces point out
 of their region, those of the interface from the fluid into the solid.
+
+Where the wall stands in columns on the lumen's triangles, the mesh also names its wedges: six
+nodes and the three tetrahedra that fill them. A wall of wedges bends (`jaxfsi.core.elements`);
+everything else reads the tetrahedra alone.
 """
 
 import dataclasses
 import enum
+import itertools
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 INTERFACE = "interface"
 OUTER_WALL = "outer_wall"
@@ -47,6 +52,8 @@ class Mesh:
             plus one.
         meta: numbers worth keeping with the mesh (parameters, state, source); plain values that
             JSON can hold.
+        wedges: nodes of the wedges of the wall: three of the inner face, then the three above
+            them outside. Three solid tetrahedra fill each.
     """
 
     points: Float[np.ndarray, "nodes 3"]
@@ -57,6 +64,9 @@ class Mesh:
     label_names: tuple[str, ...]
     node_ids: Int[np.ndarray, " nodes"] | None = None
     meta: dict[str, object] = dataclasses.field(default_factory=dict)
+    wedges: Int[np.ndarray, "wedges 6"] = dataclasses.field(
+        default_factory=lambda: np.zeros((0, 6), dtype=np.int64)
+    )
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not belong together.
@@ -101,6 +111,11 @@ class Mesh:
             )
         return self.faces[self.face_label == self.label_names.index(name)]
 
+    @property
+    def wedge_tets(self) -> Int[np.ndarray, "wedges 3"]:
+        """The three tetrahedra that fill each wedge."""
+        return _filling(self.wedges, self.tets)[0]
+
     def tets_of(self, region: Region) -> Int[np.ndarray, "tets 4"]:
         """Tetrahedra of one region."""
         return self.tets[self.region == region]
@@ -130,6 +145,8 @@ def _faults(mesh: Mesh) -> list[str]:
     faults += _out_of_range(
         "labels of faces", mesh.face_label, len(mesh.label_names), "label names"
     )
+    if not faults and len(mesh.wedges):
+        faults += _wedge_faults(mesh)
     for what, array, size in (
         ("regions for the tetrahedra", mesh.region, len(mesh.tets)),
         ("labels for the faces", mesh.face_label, len(mesh.faces)),
@@ -145,6 +162,52 @@ def _faults(mesh: Mesh) -> list[str]:
         len(mesh.node_ids) != n_nodes or len(np.unique(mesh.node_ids)) != n_nodes
     ):
         faults.append(f"{len(np.unique(mesh.node_ids))} different node ids for {n_nodes} points")
+    return faults
+
+
+def _filling(
+    wedges: Int[np.ndarray, "wedges 6"], tets: Int[np.ndarray, "tets 4"]
+) -> tuple[Int[np.ndarray, "wedges 3"], Bool[np.ndarray, " wedges"]]:
+    """Tetrahedra whose corners are all among those of a wedge, and which wedges have three."""
+    subsets = np.array(list(itertools.combinations(range(6), 4)))
+    sought = np.sort(wedges[:, subsets], axis=2).reshape(-1, 4)
+    held = np.sort(tets, axis=1)
+    base = max((int(a.max()) for a in (sought, held) if a.size), default=0) + 1
+    key, wanted = (_row_keys(rows, base) for rows in (held, sought))
+    order = np.argsort(key)
+    place = order[np.minimum(np.searchsorted(key[order], wanted), len(order) - 1)]
+    found = (key[place] == wanted).reshape(len(wedges), -1)
+    whole = found.sum(axis=1) == 3
+    # The columns of those found come first; a stable sort keeps their order.
+    first = np.argsort(~found, axis=1, kind="stable")[:, :3]
+    return np.take_along_axis(place.reshape(found.shape), first, axis=1), whole
+
+
+def _row_keys(rows: Int[np.ndarray, "rows 4"], base: int) -> np.ndarray:
+    """One number a row, or where four of them exceed 64 bits one Python integer."""
+    kind = np.int64 if base**4 < 2**63 else object
+    a, b, c, d = rows.astype(kind).T
+    return ((a * base + b) * base + c) * base + d
+
+
+def _wedge_faults(mesh: Mesh) -> list[str]:
+    """What is wrong with the wedges of a mesh whose other arrays are right."""
+    if mesh.wedges.ndim != 2 or mesh.wedges.shape[1] != 6:
+        return [f"wedges have the shape {mesh.wedges.shape}, not (wedges, 6)"]
+    faults = _out_of_range("nodes of wedges", mesh.wedges, len(mesh.points), "points")
+    if faults:
+        return faults
+    tets, whole = _filling(mesh.wedges, mesh.tets)
+    if not np.all(whole):
+        bad = int(np.argmin(whole))
+        return [
+            f"{np.sum(~whole)} of {len(whole)} wedges are not filled by three tetrahedra (the first"
+            f" is {bad})"
+        ]
+    if np.any(mesh.region[tets] != Region.SOLID):
+        faults.append("some wedges lie in the blood")
+    if len(np.unique(tets)) != tets.size:
+        faults.append("some wedges share a tetrahedron")
     return faults
 
 

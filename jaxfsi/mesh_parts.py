@@ -71,6 +71,7 @@ def reordered(mesh: Mesh) -> Mesh:
         faces=faces[by_label],
         face_label=mesh.face_label[by_label],
         node_ids=mesh.ids[order],
+        wedges=rank[mesh.wedges],
     )
 
 
@@ -136,6 +137,7 @@ def submesh(mesh: Mesh, region: Region) -> Submesh:
         face_label=position[labels],
         label_names=tuple(mesh.label_names[i] for i in used),
         node_ids=mesh.ids[nodes],
+        wedges=local[mesh.wedges] if region == Region.SOLID else mesh.wedges[:0],
     )
     return Submesh(part, nodes, kept)
 

@@ -99,6 +99,7 @@ def load_mesh(key: str) -> StateMesh | None:
             label_names=tuple(about.value["label_names"]),
             node_ids=stored.value.get("node_ids"),
             meta=about.value["meta"],
+            **{name: stored.value[name] for name in ("wedges",) if name in stored.value},
         )
         document = about.value["document"]
         pictures = {path.stem: path.read_bytes() for path in sorted(entry.glob("*.png"))}
@@ -130,6 +131,8 @@ def _fill(stages: Stages, key: str, made: StateMesh) -> None:
     arrays = {name: getattr(mesh, name) for name in _ARRAYS}
     if mesh.node_ids is not None:
         arrays["node_ids"] = mesh.node_ids
+    if len(mesh.wedges):
+        arrays["wedges"] = mesh.wedges
     stages.keep_arrays(_MESH, key, arrays, made.made)
     about = {"label_names": mesh.label_names, "meta": mesh.meta, "document": made.document}
     stages.keep(_ABOUT, key, about, made.made)

@@ -192,3 +192,24 @@ def test_unusable_meshes_are_refused(small_tube, spoil, message):
     check_mesh(small_tube)
     with pytest.raises(ValueError, match=message):
         check_mesh(spoil(small_tube))
+
+
+def test_wedges_are_filled_by_their_tetrahedra():
+    mesh = reordered(
+        tube(
+            radius=0.5, length=1.0, thickness=0.1, n_around=12, n_axial=4, n_layers=2, columns=True
+        )
+    )
+    solid = tet_volumes(mesh.points, mesh.tets)[mesh.region == Region.SOLID]
+    filled = tet_volumes(mesh.points, mesh.tets)[mesh.wedge_tets]
+    assert filled.size == solid.size
+    np.testing.assert_allclose(filled.sum(), solid.sum(), rtol=1e-12)
+    assert np.all(filled > 0.0)
+
+
+def test_wedges_that_their_tetrahedra_do_not_fill_are_refused():
+    mesh = strip(length=1.0, width=0.3, thickness=0.1, n_length=3, n_width=1, n_layers=1)
+    with pytest.raises(ValueError, match="wedges are not filled by three tetrahedra"):
+        dataclasses.replace(mesh, wedges=np.roll(mesh.wedges, 1, axis=1)[:, [0, 1, 2, 3, 4, 4]])
+    with pytest.raises(ValueError, match="share a tetrahedron"):
+        dataclasses.replace(mesh, wedges=mesh.wedges[[0, 0]])

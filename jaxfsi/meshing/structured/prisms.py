@@ -42,22 +42,63 @@ def extruded(
     points[:, :, :2] = section.points
     points[:, :, 2] = heights[:, None]
     points = points.reshape(-1, 3)
-    low = np.sort(section.triangles, axis=1)
-    a, b, c = low.T
-    up = n_section
-    one_layer = np.stack(
-        [
-            np.stack([a, b, c, c + up], axis=1),
-            np.stack([a, b, b + up, c + up], axis=1),
-            np.stack([a, a + up, b + up, c + up], axis=1),
-        ]
-    ).reshape(-1, 4)
-    offsets = up * np.arange(n_levels - 1)
-    tets = (offsets[:, None, None] + one_layer[None]).reshape(-1, 4)
-    inverted = tet_volumes(points, tets) < 0.0
-    tets[inverted] = tets[inverted][:, [1, 0, 2, 3]]
+    wedges = np.concatenate([section.triangles, section.triangles + n_section], axis=1)
+    tets = np.concatenate(
+        [tets_of_wedges(wedges + n_section * k, points) for k in range(n_levels - 1)]
+    )
     region = np.tile(np.tile(section.region, 3), n_levels - 1)
     return points, tets, region
+
+
+def tets_of_wedges(
+    wedges: Int[np.ndarray, "wedges 6"], points: Float[np.ndarray, "nodes 3"]
+) -> Int[np.ndarray, "tets 4"]:
+    """Three positively oriented tetrahedra for each wedge: all first ones, then all second ones.
+
+    The diagonal of a quadrilateral side leaves the lower of its two nodes on the first face, so
+    that wedges that share a side, and with it these two nodes, agree.
+
+    Args:
+        wedges: three nodes of one face, then those above them on the other.
+        points: node positions [cm].
+    """
+    order = np.argsort(wedges[:, :3], axis=1)
+    a, b, c = np.take_along_axis(wedges[:, :3], order, axis=1).T
+    A, B, C = np.take_along_axis(wedges[:, 3:], order, axis=1).T
+    parts = [(a, b, c, C), (a, b, B, C), (a, A, B, C)]
+    tets = np.concatenate([np.stack(part, axis=1) for part in parts])
+    inverted = tet_volumes(points, tets) < 0.0
+    tets[inverted] = tets[inverted][:, [1, 0, 2, 3]]
+    return tets
+
+
+def in_columns(
+    triangles: Int[np.ndarray, "triangles 3"],
+    levels: Float[np.ndarray, "levels nodes 3"],
+    points: Float[np.ndarray, "others 3"],
+    foot: Int[np.ndarray, " nodes"],
+) -> tuple[Float[np.ndarray, "all 3"], Int[np.ndarray, "tets 4"], Int[np.ndarray, "wedges 6"]]:
+    """Layers of wedges on a triangulated surface, from it outwards.
+
+    Args:
+        triangles: of the surface, as indices into ``foot``, pointing outwards.
+        levels: positions of the nodes of each level above the surface [cm].
+        points: nodes that exist, those of the surface among them [cm].
+        foot: node of each column on the surface, in rising order.
+
+    Returns:
+        All nodes, those of the levels last; tetrahedra; wedges.
+    """
+    n, size = len(points), len(foot)
+    level = [foot, *(n + size * k + np.arange(size) for k in range(len(levels)))]
+    wedges = np.concatenate(
+        [
+            np.concatenate([low[triangles], high[triangles]], axis=1)
+            for low, high in zip(level[:-1], level[1:], strict=True)
+        ]
+    )
+    whole = np.concatenate([points, levels.reshape(-1, 3)])
+    return whole, tets_of_wedges(wedges, whole), wedges
 
 
 def strip_between(

@@ -1,5 +1,7 @@
 """A structured box of solid, such as a clamped strip for checking bending."""
 
+import dataclasses
+
 import numpy as np
 
 from jaxfsi.faces import region_faces
@@ -20,7 +22,7 @@ def strip(
     """A solid box [0, length] × [0, width] × [0, thickness] with named sides.
 
     Its labels are ``x_min``, ``x_max``, ``y_min``, ``y_max``, ``z_min`` and ``z_max``; x runs
-    along the strip, z through its thickness.
+    along the strip, z through its thickness, in which direction its wedges are stacked.
 
     Args:
         length: along x [cm].
@@ -49,7 +51,10 @@ def strip(
         for i, axis in enumerate("xyz")
         for end, value in (("min", 0.0), ("max", size[i]))
     }
-    return labelled_mesh(points, tets, region, groups)
+    n = len(section.points)
+    triangles = np.concatenate([section.triangles + n * k for k in range(n_layers)])
+    mesh = labelled_mesh(points, tets, region, groups)
+    return dataclasses.replace(mesh, wedges=np.concatenate([triangles, triangles + n], axis=1))
 
 
 def _rectangle(length: float, width: float, n_length: int, n_width: int) -> Section:

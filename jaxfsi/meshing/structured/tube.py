@@ -10,12 +10,13 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from jaxfsi.faces import boundary_of
 from jaxfsi.mesh import Mesh, Region, tet_volumes
 from jaxfsi.mesh_parts import submesh
 from jaxfsi.meshing.labels import label_faces
-from jaxfsi.meshing.structured.prisms import Section, extruded, strip_between
+from jaxfsi.meshing.structured.prisms import Section, extruded, in_columns, strip_between
 from jaxfsi.opening import Opening
 
 PointMap = Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, "points 3"]]
@@ -34,6 +35,7 @@ def tube(
     n_layers: int = 2,
     n_rings: int | None = None,
     mapping: PointMap | None = None,
+    columns: bool = False,
 ) -> Mesh:
     """A tube of blood along z from the opening ``inlet`` at z = 0 to ``outlet`` at z = length.
 
@@ -47,6 +49,7 @@ def tube(
         n_rings: rings of elements from the axis to the lumen's surface; None: as many as make
             near-equilateral triangles.
         mapping: moves the points of the straight tube to another shape, such as `bent`.
+        columns: build the wall in columns on the lumen's triangles, so that it has wedges.
 
     Returns:
         The labelled mesh.
@@ -56,15 +59,39 @@ def tube(
     """
     _check_sizes(radius=radius, length=length, thickness=thickness if n_layers else 1.0)
     _check_counts(n_around=n_around, n_axial=n_axial, n_layers=n_layers, n_rings=n_rings)
-    section = _tube_section(radius, thickness, n_around, n_layers, n_rings)
+    in_section = 0 if columns else n_layers
+    section = _tube_section(radius, thickness, n_around, in_section, n_rings)
     points, tets, region = extruded(section, np.linspace(0.0, length, n_axial + 1))
+    wedges = np.zeros((0, 6), dtype=np.int64)
+    if columns and n_layers:
+        points, tets, region, wedges = _with_wall(points, tets, radius, thickness, n_layers)
     outer = radius + (thickness if n_layers else 0.0)
     down, up = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
     openings = (
         Opening("inlet", np.zeros(3), down, 1.01 * outer),
         Opening("outlet", length * up, up, 1.01 * outer),
     )
-    return mapped(label_faces(points, tets, region, openings), mapping)
+    mesh = label_faces(points, tets, region, openings)
+    return mapped(dataclasses.replace(mesh, wedges=wedges), mapping)
+
+
+def _with_wall(
+    points: Float[np.ndarray, "nodes 3"],
+    tets: Int[np.ndarray, "tets 4"],
+    radius: float,
+    thickness: float,
+    n_layers: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points, tetrahedra, regions and wedges of a tube of blood with layers of wall about it."""
+    surface = boundary_of(tets)
+    axial = np.ptp(points[surface][:, :, 2], axis=1) > 0.0
+    foot, triangles = np.unique(surface[axial], return_inverse=True)
+    heights = thickness / radius * np.arange(1, n_layers + 1) / n_layers
+    outward = points[foot] * np.array([1.0, 1.0, 0.0])
+    levels = points[foot] + heights[:, None, None] * outward
+    points, wall, wedges = in_columns(triangles.reshape(-1, 3), levels, points, foot)
+    region = np.repeat([int(Region.FLUID), int(Region.SOLID)], [len(tets), len(wall)])
+    return points, np.concatenate([tets, wall]), region, wedges
 
 
 def ring(
@@ -76,6 +103,7 @@ def ring(
     n_axial: int,
     n_layers: int = 2,
     mapping: PointMap | None = None,
+    columns: bool = False,
 ) -> Mesh:
     """The wall of a `tube` alone, such as a short thick ring under pressure or pinched.
 
@@ -89,6 +117,7 @@ def ring(
         n_axial: elements along z.
         n_layers: layers of elements through the wall.
         mapping: moves the points to another shape.
+        columns: see `tube`.
 
     Raises:
         ValueError: a size or count is out of range, or the mapping turns tetrahedra inside out.
@@ -103,6 +132,7 @@ def ring(
         n_layers=n_layers,
         n_rings=1,
         mapping=mapping,
+        columns=columns,
     )
     return dataclasses.replace(submesh(whole, Region.SOLID).mesh, node_ids=None)
 

@@ -6,6 +6,7 @@ Dompierre, Labbé, Vallet & Camarero 1999, "How to subdivide pyramids, prisms, a
 tetrahedra", Proc. 8th International Meshing Roundtable, 195-204.
 """
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -94,7 +95,7 @@ def in_columns(
     wedges = np.concatenate(
         [
             np.concatenate([low[triangles], high[triangles]], axis=1)
-            for low, high in zip(level[:-1], level[1:], strict=True)
+            for low, high in itertools.pairwise(level)
         ]
     )
     whole = np.concatenate([points, levels.reshape(-1, 3)])

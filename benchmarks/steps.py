@@ -131,9 +131,12 @@ def _difference(found: jax.Array, exact: jax.Array) -> float:
     return float(jnp.linalg.norm(found - exact) / jnp.linalg.norm(exact))
 
 
-def _profile(
-    mesh: Mesh, model: Model, state: State, stepper: Stepper, whole: dict[str, Any], rounds: int
-) -> Iterator[dict[str, Any]]:
+_Parts = dict[str, tuple[float, Callable[..., Any], tuple[Any, ...]]]
+"""Calls a step, function and arguments, by name."""
+
+
+def _parts(model: Model, state: State, stepper: Stepper, whole: dict[str, Any]) -> _Parts:
+    """The parts of a step, in the state where it begins."""
     method = stepper.method
     step = eqx.filter_jit(begin_step)(stepper.dt, model, state, method, stepper.motion)
     y = extrapolated(state.t + stepper.dt, model, state)
@@ -142,7 +145,7 @@ def _profile(
     a, b = (jnp.arange(8e6) + i for i in range(2))
     n, systems = whole["iterations"], whole["systems"]
 
-    parts: dict[str, tuple[float, Callable[..., Any], tuple[Any, ...]]] = {
+    return {
         "mesh motion": (1.0, mesh_displacement, (stepper.motion, state.d)),
         "geometry, motion and coefficients": (
             1.0,
@@ -172,6 +175,12 @@ def _profile(
         ),
         "triad a + 3 b, 8 million": (0.0, lambda a, b: a + 3.0 * b, (a, b)),
     }
+
+
+def _profile(
+    mesh: Mesh, model: Model, state: State, stepper: Stepper, whole: dict[str, Any], rounds: int
+) -> Iterator[dict[str, Any]]:
+    parts = _parts(model, state, stepper, whole)
     calls = {}
     for name, (_, function, arguments) in parts.items():
         compiled = eqx.filter_jit(function)

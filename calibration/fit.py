@@ -215,8 +215,7 @@ def minimise(
 
     y0, costs = axes.unbounded(axes.u_start), None
     if starts > 1:
-        frozen = jax.lax.stop_gradient(arrays)
-        y0, costs = _best_start(run, axes, frozen, static, starts, spread, key)
+        y0, costs = _best_start(run, axes, arrays, static, starts, spread, key)
     solution = run(jax.lax.stop_gradient(y0), arrays)
     u = axes.scaled(solution.value)
 
@@ -275,7 +274,8 @@ def _best_start(
     spread: float,
     key: PRNGKeyArray,
 ) -> tuple[Float[Array, " n"], Float[Array, " s"]]:
-    """End of the best of several runs, and the cost that each reached."""
+    """End of the best of several runs, and the cost that each reached; no derivatives."""
+    arrays = jax.lax.stop_gradient(arrays)
     n = len(axes.free)
     away = spread * jax.random.normal(key, (starts, n)).at[0].set(0.0)
     y0 = jax.vmap(lambda shift: axes.unbounded(axes.u_start + shift))(away)

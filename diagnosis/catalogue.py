@@ -212,7 +212,7 @@ CATALOGUE: tuple[Effect, ...] = (
         equation="P_distal (1 + φ)",
         sentence="the wire's sensor reads pressures too large (or too small) by a factor",
         settled_by="an equalisation check at two levels of pressure",
-        source="assumed",
+        source="range ±0.03 to ±0.1, assumed",
     ),
     Effect(
         id="aortic_zero_error", place="sensor", unit="mmHg", sd=4.0,

@@ -216,10 +216,8 @@ def _pairs(
 ) -> tuple[dict[int, dict[tuple[int, int], Fitted]], dict[int, dict[tuple[int, int], float]]]:
     """Fits of the most promising pairs, and gains of all partners by the scan, by record."""
     E = len(effects)
-    if E < 2:
-        return {}, {}
     worth = np.flatnonzero(log_B.max(axis=1) > WORTH_PAIRING)
-    if worth.size == 0:
+    if E < 2 or worth.size == 0:
         return {}, {}
     order = np.argsort(-log_B, axis=1)
     rows = np.concatenate([worth * E + order[worth, place] for place in (0, 1)])

@@ -63,13 +63,20 @@ class Effect(NamedTuple):
         sentence: plain-language meaning, beginning in lower case.
         settled_by: the measurement that would confirm or exclude it.
         source: origin of the equation and of the range of sizes.
-        one_sided: whether only positive sizes exist.
-        tolerance: relative uncertainty of the waveform, 0 if the equation is exact.
-        nonlinear: whether the drop of the ostium is nonlinear in the flow or varies in time (it
-            uses `K`, `K_known` or `R0_wave`, which the linear solution ignores).
-        two_starts: whether its fit may have two optima and also starts at one sd.
-        ridge: whether size and α are confounded along a curved ridge without waveforms, so that
-            the evidence is an integral over the size, see `ridge`; one-sided effects only.
+        one_sided: set it if a negative size has no physical meaning (a loss, a lag, a conductance);
+            not if the assumed value may be wrong in both directions.
+        tolerance: relative uncertainty of the waveform: 0 if the equation is a law, or scales or
+            shifts a parameter or trace that is there already; `GUESSED_FORM` if it is one of
+            several plausible equations; `CRUDE_FORM` if one number stands for a family of shapes.
+        nonlinear: set it if the drop of the ostium becomes nonlinear in the flow or varies in time:
+            the linear solution ignores `K`, `K_known` and `R0_wave`. A test compares the two.
+        two_starts: set it if the data hardly change at small sizes, or other unknowns imitate them,
+            so that a fit from zero may stay there although a size near `sd` fits better. Fits then
+            start at one `sd` as well, which costs one more fit a record and two more of pairs.
+        ridge: set it if, of means and ratios alone, a large size with little flow looks like a
+            small size with much flow. The evidence without waveforms is then an integral over the
+            size (`ridge`), at seven fits a record; one-sided effects only. Compare ln B with
+            `benchmarks.blind.sample` to see whether it is needed.
     """
 
     id: str

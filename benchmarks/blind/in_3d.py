@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks.blind.cases import OFFSET_SD_MMHG, Setting, seal, write_record
 from benchmarks.blind.sensors import seen
-from benchmarks.blind.truth import RANGES, SAMPLED, Lanes, March
+from benchmarks.blind.truth import RANGES, SAMPLED, Lanes, TruthCircuit
 from lumped import MMHG, MMHG_S_PER_ML, Coronary, Sampled, sampled
 from study.case.condition import Condition
 from study.run.driven_beat import PHASES, Beat, Drive, driven_beat, fingerprint, known_difference
@@ -120,7 +120,7 @@ def drives_of(study: FinishedStudy, lanes: Lanes, differences: list[np.ndarray])
         lanes: its conditions.
         differences: between ostium and inlet of each, see `study.run.driven_beat.Drive`.
     """
-    plain, n = March(lanes), len(lanes["period"])
+    plain, n = TruthCircuit(lanes), len(lanes["period"])
     at = [np.full(n, phase) for phase in PHASES]
     P_aorta = np.stack([plain.inlet(phase) for phase in at], axis=-1)
     P_muscle = np.stack([plain.muscle(phase) for phase in at], axis=-1)

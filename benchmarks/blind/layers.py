@@ -14,7 +14,7 @@ Sources: pressure falls from the cavity's at the inner wall to nearly none outsi
 
 import numpy as np
 
-from benchmarks.blind.truth import Lanes, March, march
+from benchmarks.blind.truth import Lanes, TruthCircuit, march
 
 SQUEEZE = (1.25, 0.6)
 """Pressure on the vessels of inner and outer layer over that of one layer."""
@@ -29,7 +29,7 @@ BRANCH, BRANCH_NEAR = 5.0, 0.15
 class Layered:
     """The lanes' parameters in the other topology, and the rate of change of the states."""
 
-    def __init__(self, plain: March):
+    def __init__(self, plain: TruthCircuit):
         """Take the parameters of one layer."""
         self.plain = plain
         whole = BRANCH * (plain.R_1 + plain.R_2 + plain.R_3)
@@ -41,7 +41,7 @@ class Layered:
         c = self.plain
         P_0, P_2, Q_L, V_b, P_b = x[:5]
         P_in = c.inlet(phase)
-        Q = c.flow(P_in, P_0, Q_L)
+        Q = c.flow(phase, P_in, P_0, Q_L)
         R_2, back, C_a, P_m = c.bed(phase, P_2)
         into_wall, elastic = c.wall(C_a, P_2, V_b)
         through, rates = np.zeros(c.n), []
@@ -71,5 +71,5 @@ class Layered:
 
 def two_layers(lanes: Lanes) -> dict[str, np.ndarray]:
     """Tier 2: samples of the last beat, see `truth.march`."""
-    plain = March(lanes)
+    plain = TruthCircuit(lanes)
     return march(Layered(plain), plain)

@@ -85,7 +85,7 @@ def ventricle(phase: np.ndarray, peak: np.ndarray, late: np.ndarray) -> np.ndarr
     return peak * _bump(2.0 * (phase - 0.0692) / (end - 0.0692) - 1.0, 0.3)
 
 
-class March:
+class TruthCircuit:
     """The lanes, their parameters, and the rate of change of the states of one layer."""
 
     def __init__(self, lanes: Lanes):
@@ -137,8 +137,10 @@ class March:
         suction = self.size("diastolic_suction") * _bump((phase - 0.48) / 0.08, 1.0)
         return plain + self.squeeze * (0.7 * plain + 0.3 * fuller) - suction
 
-    def flow(self, P_in: np.ndarray, P_0: np.ndarray, Q_L: np.ndarray) -> np.ndarray:
-        """Flow into the ostium."""
+    def flow(
+        self, phase: np.ndarray, P_in: np.ndarray, P_0: np.ndarray, Q_L: np.ndarray
+    ) -> np.ndarray:
+        """Flow into the ostium at a phase of the beat; an ostium that varies in time needs it."""
         u = self.size("dynamic_narrowing") * (P_in - 80.0) / 80.0
         area = 1.0 - 0.5 * np.tanh(u / 0.8)
         R = self.R_0 * area**-1.6
@@ -183,7 +185,7 @@ class March:
         """Rate of change of P_0, P_2, Q_L, branch volume, y; and the flow."""
         P_0, P_2, Q_L, V_b, y = x
         P_in = self.inlet(phase)
-        Q = self.flow(P_in, P_0, Q_L)
+        Q = self.flow(phase, P_in, P_0, Q_L)
         R_2, back, C_a, P_m = self.bed(phase, P_2)
         into_branch, elastic = self.wall(C_a, P_2, V_b)
         P_3 = y + P_m
@@ -206,7 +208,7 @@ class March:
         return np.stack([0.9 * mean, 0.8 * mean, np.zeros(self.n), V_b, 0.5 * mean])
 
 
-def march(system: Any, plain: March) -> dict[str, np.ndarray]:
+def march(system: Any, plain: TruthCircuit) -> dict[str, np.ndarray]:
     """Samples of the last beat: true aortic and distal pressure, and flow.
 
     Args:
@@ -241,5 +243,5 @@ def march(system: Any, plain: March) -> dict[str, np.ndarray]:
 
 def one_layer(lanes: Lanes) -> dict[str, np.ndarray]:
     """Tier 1: the topology of the diagnosis, other equations."""
-    plain = March(lanes)
+    plain = TruthCircuit(lanes)
     return march(plain, plain)

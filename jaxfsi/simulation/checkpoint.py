@@ -62,29 +62,46 @@ class Checkpoint(NamedTuple):
     observer_states: dict[str, ObserverState]
 
 
-def fingerprint(*parts: Any) -> str:
-    """Hash of trees of arrays and plain values: their structure, types, shapes and bits."""
-    digest = hashlib.sha256()
+class RunHash(NamedTuple):
+    """What tells a run from others.
+
+    Attributes:
+        everything: hash of structure and numbers of its model, start and choices.
+        structure: of the structure alone, that is fields, laws, names, types and shapes.
+    """
+
+    everything: str
+    structure: str
+
+
+def fingerprint(*parts: Any) -> RunHash:
+    """Hashes of trees of arrays and plain values."""
+    digest, structure_digest = hashlib.sha256(), hashlib.sha256()
     leaves, structure = jax.tree.flatten(parts)
-    digest.update(str(structure).encode())
+    for of in (digest, structure_digest):
+        of.update(str(structure).encode())
     for leaf in leaves:
         if hasattr(leaf, "shape"):
             array = np.asarray(leaf)
-            digest.update(f"{array.dtype.str}{array.shape}".encode())
+            for of in (digest, structure_digest):
+                of.update(f"{array.dtype.str}{array.shape}".encode())
             digest.update(np.ascontiguousarray(array).tobytes())
         else:
             digest.update(repr(leaf).encode())
-    return digest.hexdigest()
+            if isinstance(leaf, str):
+                structure_digest.update(leaf.encode())
+    return RunHash(digest.hexdigest(), structure_digest.hexdigest())
 
 
 def save_checkpoint(
-    path: pathlib.Path, checkpoint: Checkpoint, run_hash: str, numerics: str = ""
+    path: pathlib.Path, checkpoint: Checkpoint, run_hash: RunHash, numerics: str = ""
 ) -> None:
     """Write a checkpoint; the one before is replaced when this one is on disk."""
     arrays = _arrays(checkpoint)
     head = {
         "format": FORMAT,
-        "run_hash": run_hash,
+        "run_hash": run_hash.everything,
+        "structure": run_hash.structure,
         "numerics": numerics,
         "position": list(checkpoint.position),
         "events": checkpoint.events,
@@ -98,14 +115,14 @@ def save_checkpoint(
 
 
 def load_checkpoint(
-    path: pathlib.Path, like: Checkpoint, run_hash: str, numerics: str = ""
+    path: pathlib.Path, like: Checkpoint, run_hash: RunHash, numerics: str = ""
 ) -> Checkpoint:
     """Read a checkpoint and check that it holds all that the run needs.
 
     Args:
         path: the file.
         like: the start of the run, for the names, types and shapes of what must be there.
-        run_hash: hash of the run that wants to go on.
+        run_hash: hashes of the run that is to go on.
         numerics: the caller's name for the code that computes, see `simulate`.
 
     Raises:
@@ -124,12 +141,8 @@ def load_checkpoint(
             f"has format {head.get('format')!r}, that of another version; this one reads {FORMAT}",
             "Continue it with the version that wrote it, or start again in another folder.",
         )
-    if head.get("run_hash") != run_hash:
-        raise CheckpointError(
-            path,
-            "belongs to a run with another model, step or choice of outputs",
-            "Restore the input, or start again in another folder.",
-        )
+    if head.get("run_hash") != run_hash.everything:
+        raise _other_run(path, head.get("structure"), run_hash)
     if head.get("numerics", "") != numerics:
         raise CheckpointError(
             path,
@@ -156,6 +169,22 @@ def load_checkpoint(
             for owner, saved_state in like.observer_states.items()
         },
     )
+
+
+def _other_run(path: pathlib.Path, structure: Any, run_hash: RunHash) -> CheckpointError:
+    """The refusal of a checkpoint of another run, as exact as what the file tells."""
+    numbers = "belongs to a run with another model, step or choice of outputs"
+    if structure == run_hash.structure:
+        cure = "Restore the input, or start again in another folder."
+        return CheckpointError(
+            path, f"{numbers}: the same parts and sizes with other numbers", cure
+        )
+    parts = (
+        f"{numbers} (other openings, laws, options or mesh), or was begun by a version of the code"
+        " whose model has other fields"
+    )
+    cure = "Restore the input or that version, or start again in another folder."
+    return CheckpointError(path, parts, cure)
 
 
 def _arrays(checkpoint: Checkpoint) -> dict[str, np.ndarray]:

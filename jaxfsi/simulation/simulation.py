@@ -167,9 +167,7 @@ def simulate(
     control, solver = control or StepControl(), solver or SolverChoice()
     choices = (dt, dataclasses.asdict(control), dataclasses.asdict(solver), chunk)
     observed = [(observer.name, observer.every) for observer in observers]
-    run_hash = ""
-    if checkpoint is not None:
-        run_hash = fingerprint(model, state, *choices, checkpoint_every, observed)
+    run_hash = fingerprint(model, state, *choices, checkpoint_every, observed)
     resumed = None
     run = Checkpoint(state, Position(), empty_record(len(model.ports)), [], {})
     run = _with_observer_states(run, observers)
@@ -180,9 +178,7 @@ def simulate(
             raise _too_long(checkpoint, resumed, n_steps, dt)
         _restore(observers, resumed, run)
     else:
-        for observer in observers:
-            observer.observe(0, model, state)
-        run = _with_observer_states(run, observers)
+        run = _observed(0, model, run, observers)
     periods = [chunk, checkpoint_every, *(observer.every for observer in observers)]
     steppers: dict[int, Stepper] = {}
     reached = run
@@ -196,10 +192,7 @@ def simulate(
                 reached = _advanced(stop, model, reached, stepper, control, chunk)
                 if progress is not None:
                     progress(_progress_record(n_steps, model, reached, control, dt))
-            for observer in observers:
-                if stop % observer.every == 0:
-                    observer.observe(stop, model, reached.state)
-            run = _with_observer_states(reached, observers)
+            run = _observed(stop, model, reached, observers)
             if checkpoint is not None and (stop % checkpoint_every == 0 or stop == n_steps):
                 save_checkpoint(checkpoint, run, run_hash, numerics)
     except (KeyboardInterrupt, StepFailure) as stop_of_run:
@@ -246,6 +239,16 @@ def _restore(observers: Sequence[AbstractObserver], step: int, run: Checkpoint) 
     """Take the observers to where they were at a checkpoint after a whole step."""
     for observer in observers:
         observer.restore(step, run.observer_states[observer.name])
+
+
+def _observed(
+    step: int, model: Model, run: Checkpoint, observers: Sequence[AbstractObserver]
+) -> Checkpoint:
+    """Show a state to the observers whose turn it is; the run with what they know then."""
+    for observer in observers:
+        if step % observer.every == 0:
+            observer.observe(step, model, run.state)
+    return _with_observer_states(run, observers)
 
 
 def _with_observer_states(run: Checkpoint, observers: Sequence[AbstractObserver]) -> Checkpoint:

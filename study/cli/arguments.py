@@ -2,7 +2,7 @@
 
 import argparse
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diagnosis.richness import RICHNESS
@@ -235,24 +235,7 @@ def parse(argv: Sequence[str]) -> Request[Options]:
     parsers["run"].add_argument(
         "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
     )
-    for name in _ON_RECORDS:
-        parsers[name].add_argument("record", type=pathlib.Path, metavar="RECORD", help="its folder")
-        parsers[name].add_argument(
-            "--case",
-            type=pathlib.Path,
-            metavar="CASE",
-            help="case file or finished study that R0 is taken from",
-        )
-    parsers["diagnose"].add_argument(
-        "--richness", choices=RICHNESS, help="use no more of the record; default: all"
-    )
-    parsers["diagnose"].add_argument(
-        "--in-3d",
-        nargs="*",
-        metavar="CONDITION",
-        help="measure the gap in 3D as well, in these conditions (default: all), with the mesh of "
-        "the finished study of --case",
-    )
+    _record_arguments(parsers)
     parsers["template"].add_argument(
         "--record", action="store_true", help="a measured record, with an example of its traces"
     )
@@ -277,8 +260,7 @@ def parse(argv: Sequence[str]) -> Request[Options]:
     values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in found.items()}
     values["options"] = None if rest is None else tuple(rest)
     options = _OPTIONS[values["command"]].of(values)
-    words = ("jaxfsi", *argv)
-    return Request(values["command"], options, words, values["out"], values["json"])
+    return Request(values["command"], options, ("jaxfsi", *argv), values["out"], values["json"])
 
 
 class _Version(argparse.Action):
@@ -290,6 +272,23 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(f"jaxfsi {installed('jaxfsi') or 'not installed'}")
         parser.exit()
+
+
+def _record_arguments(parsers: Mapping[str, argparse.ArgumentParser]) -> None:
+    case = "case file or finished study that R0 is taken from"
+    for name in _ON_RECORDS:
+        parsers[name].add_argument("record", type=pathlib.Path, metavar="RECORD", help="its folder")
+        parsers[name].add_argument("--case", type=pathlib.Path, metavar="CASE", help=case)
+    parsers["diagnose"].add_argument(
+        "--richness", choices=RICHNESS, help="use no more of the record; default: all"
+    )
+    parsers["diagnose"].add_argument(
+        "--in-3d",
+        nargs="*",
+        metavar="CONDITION",
+        help="measure the gap in 3D as well, in these conditions (default: all), with the mesh of "
+        "the finished study of --case",
+    )
 
 
 def _mesh_arguments(command: argparse.ArgumentParser) -> None:

@@ -81,10 +81,6 @@ PARTS: dict[str, tuple[str, ...]] = {
         "jaxfsi/adjoint/*", "study/run/sensitivity.py", "study/run/study_parts.py",
     ),
     "calibration": ("calibration/*",),
-    "diagnosis": (
-        "diagnosis/*", "study/run/diagnosis*", "study/case/folding.py", "study/case/onsets.py",
-        "study/case/record*",
-    ),
     "case": (
         "study/case/anatomy*", "study/case/beat*", "study/case/combinations.py",
         "study/case/condition.py", "study/case/laws.py", "study/case/losses_table.py",
@@ -100,6 +96,8 @@ PARTS: dict[str, tuple[str, ...]] = {
 """Modules of each part, as patterns of paths; a module may belong to more than one."""
 
 WITHOUT_NUMBERS: tuple[str, ...] = (
+    "diagnosis/*", "study/run/diagnosis*", "study/case/folding.py", "study/case/onsets.py",
+    "study/case/record*",  # a diagnosis is computed anew each time
     "jaxfsi/verification/*", "lumped/lazy_package.py", "lumped/svzerod*", "lumped/verification.py",
     "lumped/whole_files.py",
     "study/case/advice.py", "study/case/demo.py", "study/case/faults.py",
@@ -130,7 +128,7 @@ USES: dict[str, tuple[str, ...]] = {
     "checkpoint": ("march",),
     "reading": ("reading",),
     "derivatives": ("derivatives",),
-    "member": tuple(part for part in PARTS if part not in ("mesh report", "diagnosis")),
+    "member": tuple(part for part in PARTS if part != "mesh report"),
     "study": ("anatomy", "meshing", "march", "0D", "reading"),
 }
 """Parts that decide each kind of kept result, beside those of the results that it starts from."""
@@ -146,10 +144,9 @@ _LIBRARIES: dict[str, tuple[str, ...]] = {
     "derivatives": (*_JAX, "scipy"),
     "0D": (*_JAX, "diffrax", "optimistix"),
     "calibration": (*_JAX, "scipy", "lineax", "optimistix"),
-    "diagnosis": (*_JAX, "scipy"),
     "case": ("numpy",),
 }
-_COUNTED = ("march", "0D", "derivatives", "calibration", "diagnosis")
+_COUNTED = ("march", "0D", "derivatives", "calibration")
 
 
 def decided_by(kind: str) -> dict[str, Any]:

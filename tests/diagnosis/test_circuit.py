@@ -33,6 +33,11 @@ def data(sizes):
     return observations(predict(case(), OWN, CATALOGUE, sizes), 3)
 
 
+def size_of(**sizes):
+    """Sizes of the effects that are named, zero for the others."""
+    return jnp.asarray([sizes.get(effect.id, 0.0) for effect in CATALOGUE])
+
+
 def surrogate(K: float | None = None):
     circuit = base_circuit(case(), OWN)
     nominal = nominal_coronary()
@@ -66,7 +71,7 @@ def test_base_circuit_is_the_surrogate_of_the_paper():
 def test_quadratic_loss_agrees_with_shooting():
     network, period = surrogate(K=6.0)
     exact = solve_periodic(network, period, Shooting(n_steps=256))
-    sizes = jnp.zeros(len(CATALOGUE)).at[0].set(6.0)
+    sizes = size_of(quadratic_loss=6.0)
     waves = as_waves(predict(case(), ONE_WAY, CATALOGUE, sizes))
     there = np.interp(PHASE * float(period), exact.t, np.asarray(exact.pressure("distal")))
     # the flow's harmonics above 24 see the mean of the nonlinear slope: 0.06 mmHg rms
@@ -77,8 +82,7 @@ def test_quadratic_loss_agrees_with_shooting():
 def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vessel():
     own = OWN.at[0].set(0.0)
     known = case()._replace(K=jnp.asarray(6.0 * MMHG), L=jnp.asarray(0.05 * MMHG))
-    sizes = jnp.zeros(len(CATALOGUE)).at[0].set(6.0)
-    sizes = sizes.at[[e.id for e in CATALOGUE].index("inertance")].set(0.05)
+    sizes = size_of(quadratic_loss=6.0, inertance=0.05)
     given = observations(predict(known, own, (), jnp.zeros(0), nonlinear=False), 3)
     np.testing.assert_allclose(
         given, observations(predict(case(), own, CATALOGUE, sizes), 3), rtol=1e-12
@@ -109,6 +113,19 @@ def test_jacobian_of_every_effect_matches_central_differences(k):
     assert scale > 0.0
     # truncation h²/6 f''' and |Q|'s kink in the quadratic loss
     np.testing.assert_allclose(central, exact, atol=2e-6 * scale)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.id)
+def test_an_effect_that_needs_the_nonlinear_solution_says_so(effect):
+    size = jnp.asarray([effect.sd])
+    declared, full, linear = (
+        observations(predict(case(), OWN, (effect,), size, nonlinear=nonlinear), 3)
+        for nonlinear in (effect.nonlinear, True, False)
+    )
+    # round-off of pressures near 100 mmHg through a linear solve
+    np.testing.assert_allclose(declared, full, rtol=0.0, atol=1e-10 * MMHG)
+    if effect.nonlinear:  # and is not slow for nothing
+        assert float(jnp.max(jnp.abs(full - linear))) > 0.01 * MMHG
 
 
 @jax.jit

@@ -1,3 +1,5 @@
+import itertools
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -108,8 +110,9 @@ def test_score_scan_agrees_with_the_exact_linear_evidence(found):
     scan = score_scan(line, numbers)
     (e, J), G = line.linear, line.effects
     alone = posterior(Whitened(e, J)).log_evidence
-    for added in ([4], [15], [18], [4, 15], [15, 18], [18, 4]):
-        n = len(added)
+    names = ("inertance", "wire_drift", "aortic_zero_error")
+    for chosen in (*itertools.combinations(names, 1), *itertools.combinations(names, 2)):
+        added, n = [NAMES.index(name) for name in chosen], len(chosen)
         sided = jnp.zeros(J.shape[-1] + n).at[-n:].set(numbers.one_sided[jnp.array(added)])
         joined = Whitened(e, jnp.concatenate([J, G[..., added]], axis=-1))
         after = posterior(joined, None, sided)

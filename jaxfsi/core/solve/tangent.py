@@ -44,9 +44,8 @@ from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.fluid import velocity_gradient
 from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.tissue import tissue_force
-from jaxfsi.core.ports.port import PortMotion
 from jaxfsi.core.solve.wall_tangent import WallTangent, apply_wall, wall_tangent
-from jaxfsi.core.step.equations import Step, Unknowns, midpoint
+from jaxfsi.core.step.equations import Step, Unknowns, midpoint, port_motion
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
 
@@ -254,7 +253,7 @@ def _port_slope(
     """Derivative of the ports' forces along a change of velocity."""
     _, w_u, _ = method.weights(step.dt)
     load = jnp.zeros_like(u)
-    motion = PortMotion(u, step.coefficients.c, step.x, model.blood.rho_f)
+    motion = port_motion(u, model, step)
     for i, (port, surface) in enumerate(zip(model.ports, model.surfaces, strict=True)):
         load = port.add_load_tangent(load, step.Z[i], w_u, motion, surface)
     return load

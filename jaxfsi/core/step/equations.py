@@ -238,12 +238,17 @@ def _between(y: Unknowns, dt: Parameter, old: State, method: GeneralizedAlpha) -
     return u, a, d, p
 
 
+def port_motion(u: Float[Array, "3 nodes"], model: Model, step: Step) -> PortMotion:
+    """What the tractions of the ports depend on, with a velocity u at t + α_f dt [cm/s]."""
+    return PortMotion(u, step.coefficients.c, step.x, model.blood.rho_f)
+
+
 def _port_load(
     y: Unknowns, u: Float[Array, "3 nodes"], model: Model, step: Step
 ) -> Float[Array, "3 nodes"]:
     """Forces of all ports on the nodes [dyn]."""
     load = jnp.zeros_like(u)
-    motion = PortMotion(u, step.coefficients.c, step.x, model.blood.rho_f)
+    motion = port_motion(u, model, step)
     for i, (port, surface) in enumerate(zip(model.ports, model.surfaces, strict=True)):
         P = step.P_offset[i] + step.Z[i] * flux(y.u, step.x, surface.faces) - model.P_ambient
         load = port.add_load(load, P, motion, surface)

@@ -148,11 +148,7 @@ def build_model(
     labels = [name for name in mesh.label_names if name.endswith(RING_SUFFIX)]
     clamped = tuple(labels) if clamped is None else tuple(clamped)
     _check(mesh, ports, wall, clamped)
-    if wall_element not in get_args(WallElement):
-        raise ValueError(
-            f"wall_element = {wall_element!r} is not known; take one of"
-            f" {', '.join(get_args(WallElement))}."
-        )
+    _check_element(wall_element)
     n_nodes = len(mesh.points)
     fluid, solid = mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID)
     element, ends = _wall_elements(n_nodes, solid, wall_element)
@@ -250,6 +246,14 @@ def _marked(n_nodes: int, *elements: Int[np.ndarray, "_ _"]) -> Bool[np.ndarray,
     for e in elements:
         mark[e.ravel()] = True
     return mark
+
+
+def _check_element(wall_element: str) -> None:
+    if wall_element not in get_args(WallElement):
+        raise ValueError(
+            f"wall_element = {wall_element!r} is not known; take one of"
+            f" {', '.join(get_args(WallElement))}."
+        )
 
 
 def _check(

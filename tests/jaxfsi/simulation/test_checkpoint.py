@@ -75,9 +75,13 @@ def _with_head(**changes):
         (_with_head(events=None), "events"),
         (_without("head"), "cannot be read"),
         (_with_head(numerics="other"), "another version of the code or of its libraries"),
+        (
+            _with_head(run_hash="0", structure="0"),
+            "version of the code whose model has other fields",
+        ),
         (_with_head(format=1), "has format 1, that of another version; this one reads 2"),
     ],
-    ids=range(12),
+    ids=range(13),
 )
 def test_damaged_checkpoint_is_refused_and_left_alone(
     run, observers, files, tmp_path, damage, said

@@ -152,8 +152,8 @@ def test_tangent_knows_what_the_change_carries():
         scale = jnp.linalg.norm((whole.u - without.u)[:, inside])
         return float(jnp.linalg.norm((whole.u - found.u)[:, inside]) / scale)
 
-    # Left is what grows with τ, and so with the step. The unresolved velocity is held, and what
-    # stops the backflow at the ports is not in the tangent.
+    # Left is what grows with τ, and so with the step. The unresolved velocity is held, and at the
+    # ports the advecting velocity of the backflow stabilisation is.
     at_ports = np.concatenate([np.asarray(faces).ravel() for faces in model.port_faces])
     inside = np.setdiff1d(np.arange(model.n_nodes), at_ports)
     coarse, fine = change(1e-5), change(1e-6)

@@ -6,11 +6,11 @@ reported together.
 
 import os
 import pathlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from study.case.condition import Condition
-from study.case.faults import CaseError
+from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.parameters import (
     BloodParameters,
@@ -48,6 +48,27 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     if context.faults:
         raise CaseError(context.faults)
     return _build(file, values, context.texts)
+
+
+def read_cases(paths: Iterable[pathlib.Path]) -> list[Case]:
+    """Read several case files.
+
+    Args:
+        paths: the TOML files.
+
+    Raises:
+        CaseError: the faults of all files.
+    """
+    cases: list[Case] = []
+    faults: list[Fault] = []
+    for path in paths:
+        try:
+            cases.append(read_case(path))
+        except CaseError as error:
+            faults += error.faults
+    if faults:
+        raise CaseError(faults)
+    return cases
 
 
 def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[str, str]]) -> Case:

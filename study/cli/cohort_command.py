@@ -4,7 +4,7 @@ import dataclasses
 import os
 import pathlib
 
-from study.case.read import read_case
+from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.report.cohort_report import cohort_report
@@ -25,7 +25,10 @@ _SECONDS = {"curve": 60.0, "3d": 3000.0}
 
 
 def cohort_command(
-    request: Request[CohortOptions], members: list[Member], out: pathlib.Path
+    request: Request[CohortOptions],
+    members: list[Member],
+    cases: dict[str, Case],
+    out: pathlib.Path,
 ) -> Answer:
     """Run a cohort and write its page.
 
@@ -35,6 +38,7 @@ def cohort_command(
     Args:
         request: the command.
         members: its cases.
+        cases: what each holds, by name.
         out: a checked folder.
 
     Raises:
@@ -43,13 +47,13 @@ def cohort_command(
     options = request.options
     extra = options.options or ()
     with at_work(out, note), Progress() as progress:
-        origin = _provenance(request, members)
+        origin = _provenance(request, cases)
         make_way(out, {"kind": "cohort", "provenance": as_json(origin)}, note)
         workers = options.workers or os.cpu_count() or 1
         rounds = -(-len(members) // workers)
         progress.plan({"cases": _SECONDS[options.mode] * rounds, "writing the report": 3.0})
         progress.step("cases")
-        fates = run_cohort(
+        results = run_cohort(
             members,
             options.mode,
             extra=extra,
@@ -58,18 +62,18 @@ def cohort_command(
             tell=lambda text, _, left: progress.tell(text, left),
         )
         progress.step("writing the report")
-        if all(fate.document is None for fate in fates):
-            raise RuntimeError(f"every case failed; {fates[0].member.name}: {fates[0].reason}")
-        document = cohort_document(fates, options.mode, origin)
+        if all(result.document is None for result in results):
+            raise RuntimeError(f"every case failed; {results[0].member.name}: {results[0].reason}")
+        document = cohort_document(results, cases, options.mode, origin)
         page = cohort_report(document)
         written = write_files(out, {COHORT_PAGE: page, COHORT_FILE: to_json(document)})
     return Answer(document, written)
 
 
-def _provenance(request: Request[CohortOptions], members: list[Member]) -> Provenance:
+def _provenance(request: Request[CohortOptions], cases: dict[str, Case]) -> Provenance:
     inputs = [
-        dataclasses.replace(entry, file=f"{member.name}/{entry.file}")
-        for member in members
-        for entry in inputs_of(read_case(member.path))
+        dataclasses.replace(entry, file=f"{name}/{entry.file}")
+        for name, case in cases.items()
+        for entry in inputs_of(case)
     ]
     return made_by(inputs, request.words, request.options)

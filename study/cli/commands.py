@@ -17,7 +17,7 @@ from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
 from study.case.json_schema import schema_text
 from study.case.model import require
-from study.case.read import read_case
+from study.case.read import read_case, read_cases
 from study.case.record import OLDER, read_record, record_path
 from study.case.template import (
     EXAMPLE_FILE,
@@ -31,7 +31,7 @@ from study.cli.command_output import Answer, note, note_written
 from study.cli.entry import Signals
 from study.cli.request import Request, ShowOptions, TemplateOptions
 from study.report.summary import summary
-from study.run.members import check_members, find_members
+from study.run.members import find_members
 from study.store.cache_folder import use_cache
 from study.store.options import CaseOptions, CohortOptions, RecordOptions, case_path
 from study.store.output import OutputRefused, check_folder, write_files
@@ -141,14 +141,14 @@ def _folder(request: Request[CaseOptions], case: pathlib.Path) -> pathlib.Path:
 
 
 def _cohort(request: Request[CohortOptions]) -> tuple[Any, ...]:
-    """The cases of a cohort, all read once, and the checked folder for its results."""
+    """The cases of a cohort, what each holds, and the checked folder for its results."""
     place = request.options.folder or demo_cohort_path()
     beside = pathlib.Path(f"{place.name}-results")
     fallback = pathlib.Path("results") if request.options.demo else place.parent / beside
     folder = check_folder(request.out or fallback)
     members = find_members(place, folder)
-    check_members(members)
-    return members, folder
+    cases = read_cases(member.path for member in members)
+    return members, {m.name: c for m, c in zip(members, cases, strict=True)}, folder
 
 
 def _record(request: Request[RecordOptions]) -> tuple[Any, ...]:

@@ -9,14 +9,9 @@ from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.report.page import simulation_report
+from study.report.pictures import Drawn, embedded_pictures, write_simulation_pictures
 from study.report.simulation_pictures import draw_simulation
-from study.report.simulation_results import (
-    SERIES_FILE,
-    Drawn,
-    embedded_pictures,
-    simulation_document,
-    write_pictures,
-)
+from study.report.simulation_results import simulation_document
 from study.run.anatomy_source import case_anatomy
 from study.run.mesh import chosen_state, mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
@@ -28,7 +23,7 @@ from study.store.folder_lock import at_work
 from study.store.options import SimulateOptions
 from study.store.output import write_files
 from study.store.provenance import provenance
-from study.store.result_files import SIMULATION_FILE, SIMULATION_PAGE
+from study.store.result_files import SERIES_FILE, SIMULATION_FILE, SIMULATION_PAGE
 from study.store.stored_document import to_json
 
 
@@ -71,11 +66,11 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
         document = simulation_document(
             case, options.condition, setup, outcome, drawn, folder, origin
         )
-        page = simulation_report(document, embedded_pictures(drawn))
+        page = simulation_report(document, embedded_pictures(drawn.pictures))
         written = write_files(
             folder,
             {SIMULATION_PAGE: page, SIMULATION_FILE: to_json(document)},
-            fill=lambda part: write_pictures(part, drawn),
+            fill=lambda part: write_simulation_pictures(part, drawn),
             before=lambda names: make_way(folder, document, note, names),
         )
     return Answer(document, written, _ending(outcome, folder))

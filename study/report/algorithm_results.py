@@ -21,18 +21,18 @@ from study.report.documents.study import (
 )
 from study.report.headline import Reading, headline, headline_numbers
 from study.report.older_parts import older_parts
+from study.report.pictures import Drawn
 from study.report.sensitivity_part import sensitivity_parts
-from study.report.simulation_results import Drawn
 from study.run.lumen_parts import measured_states
-from study.run.results import CURVE, NOMINAL, PAPER, Run3D
+from study.run.results import Run3D
 from study.run.study_parts import Sensitivity
 from study.run.study_result import StudyResult
 from study.run.tuning import ratio_error
-from study.store.document_rows import CALIBRATED, FIXED
 from study.store.json_form import ABSENT
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
 from study.store.provenance import Provenance
+from study.store.result_names import CALIBRATED, CURVE, FIXED, NOMINAL, PAPER
 
 ORIGINS = {
     PAPER: "linear surrogate (the paper)",

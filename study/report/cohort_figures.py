@@ -12,10 +12,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from study.report.cohort_results import FIXED_0D
 from study.report.number_formats import signed
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, svg
-from study.store.document_rows import CALIBRATED, FIXED
+from study.store.result_names import CALIBRATED, FIXED, FIXED_0D
 
 Document = Mapping[str, Any]
 

@@ -1,7 +1,7 @@
 """The page of a cohort."""
 
 from study.report.cohort_figures import cohort_figures
-from study.report.cohort_results import pair_rows
+from study.report.cohort_rows import pair_rows
 from study.report.page import rendered, safe
 from study.store.stored_document import Document
 

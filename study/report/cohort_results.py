@@ -12,63 +12,37 @@ such runs were made (`--nominal`), and from `fixed, 0D`.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from study.case.anatomy import SyntheticAnatomy
-from study.case.faults import CaseError
 from study.case.laws import QUADRATIC
 from study.case.model import Case
-from study.case.read import read_case
 from study.report.agreement import Agreement, agreement
-from study.run.cohort import Fate
-from study.run.results import CURVE, PAPER
-from study.store.document_rows import CALIBRATED, FIXED, ratio_name
+from study.report.cohort_rows import BOUNDARIES, LABELS, Pair, place_of
+from study.run.members import MemberResult
+from study.store.document_rows import ratio_name
 from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.options import Mode
 from study.store.provenance import Provenance
+from study.store.result_names import CALIBRATED, FIXED, FIXED_0D
 from study.store.stored_document import readable
 
 Document = dict[str, Any]
 
-FIXED_0D = "fixed, 0D"
 
-_LABELS = {PAPER: "linear", CURVE: "curve"}
-BOUNDARIES = (FIXED, FIXED_0D, *_LABELS.values(), CALIBRATED)
-"""In the order of tables."""
-
-ORDER = ("rest", "adenosine", "dobutamine")
-"""Conditions in the order of the paper's figures; others follow."""
-
-
-class Pair(NamedTuple):
-    """A predicted ratio beside the measured one.
-
-    Attributes:
-        patient: name of the case.
-        side: `left` or `right`; None where the case does not say.
-        condition: name of the condition.
-        rule: stress rule; None at rest.
-        boundary: see above.
-        predicted: ratio [-].
-        measured: ratio [-].
-    """
-
-    patient: str
-    side: str | None
-    condition: str
-    rule: str | None
-    boundary: str
-    predicted: float
-    measured: float
-
-
-def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Provenance) -> Document:
+def cohort_document(
+    results: Sequence[MemberResult],
+    cases: Mapping[str, Case],
+    mode: Mode,
+    provenance: Provenance,
+) -> Document:
     """The document of a cohort.
 
     Args:
-        fates: what became of each case.
+        results: what became of each case.
+        cases: the case of each member by its name.
         mode: how they were run.
         provenance: command, versions, date.
 
@@ -77,13 +51,14 @@ def cohort_document(fates: Sequence[Fate], mode: Mode, provenance: Provenance) -
     """
     pairs: list[Pair] = []
     patients: list[Document] = []
-    for fate in fates:
+    for result in results:
+        case = cases[result.member.name]
         found, patient = readable(
-            fate.member.folder,
-            fate.document or {},
-            lambda fate=fate: (
-                list(_pairs(fate, mode)) if fate.document else [],
-                _patient(fate, mode),
+            result.member.folder,
+            result.document or {},
+            lambda result=result, case=case: (
+                list(_pairs(result, case, mode)) if result.document else [],
+                _patient(result, case, mode),
             ),
         )
         pairs += found
@@ -106,26 +81,21 @@ def side_of(case: Case) -> str | None:
     return case.anatomy.side if isinstance(case.anatomy, SyntheticAnatomy) else None
 
 
-def _patient(fate: Fate, mode: Mode) -> Document:
-    document = fate.document
-    side = None
-    try:
-        side = side_of(read_case(fate.member.path))
-    except CaseError:
-        pass
+def _patient(result: MemberResult, case: Case, mode: Mode) -> Document:
+    document = result.document
     alpha, extra = None, None
     if document is not None:
         alpha = document["loop"]["alpha"] if mode == "3d" else _own_alpha(document)
         extra = document["loop"]["extra_runs"] if mode == "3d" else None
     return {
-        "name": fate.member.name,
-        "side": side,
-        "status": fate.status,
-        "reason": fate.reason,
-        "seconds": fate.seconds,
+        "name": result.member.name,
+        "side": side_of(case),
+        "status": result.status,
+        "reason": result.reason,
+        "seconds": result.seconds,
         "alpha": alpha,
         "extra_runs": extra,
-        "kept": fate.kept,
+        "kept": result.kept,
         **{name: (document or {}).get("provenance", {}).get(name) for name in ("date", "commit")},
     }
 
@@ -135,16 +105,15 @@ def _own_alpha(document: Document) -> float | None:
     return fit.get("alpha")
 
 
-def _pairs(fate: Fate, mode: Mode) -> Iterator[Pair]:
-    case = read_case(fate.member.path)
-    side, document = side_of(case), fate.document
+def _pairs(result: MemberResult, case: Case, mode: Mode) -> Iterator[Pair]:
+    side, document = side_of(case), result.document
     assert document is not None
     values = _of_study(document) if mode == "3d" else _of_run(document)
     for condition, rule, boundary, predicted in values:
         entry = case.conditions.get(condition)
         if entry is not None and entry.ffr is not None and predicted is not None:
             yield Pair(
-                fate.member.name, side, condition, rule, boundary, float(predicted), entry.ffr
+                result.member.name, side, condition, rule, boundary, float(predicted), entry.ffr
             )
 
 
@@ -157,8 +126,8 @@ def _of_study(document: Document) -> Iterator[_Value]:
         yield row["condition"], row["rule"], FIXED, row["fsi_nominal"]
         yield row["condition"], row["rule"], FIXED_0D, row["curve_0d_nominal"]
     for entry in document["calibrations"]:
-        if entry["label"] in _LABELS:
-            yield "rest", None, _LABELS[entry["label"]], entry["rest_ratio"]
+        if entry["label"] in LABELS:
+            yield "rest", None, LABELS[entry["label"]], entry["rest_ratio"]
 
 
 def _of_run(document: Document) -> Iterator[_Value]:
@@ -168,25 +137,13 @@ def _of_run(document: Document) -> Iterator[_Value]:
             yield run["condition"], run["rule"], run["boundary"], ratio
 
 
-def pair_rows(document: Document) -> list[Document]:
-    """The pairs of a cohort's document, all predictions of a patient and condition in one row."""
-    found: dict[tuple[Any, ...], Document] = {}
-    for pair in document["pairs"]:
-        p = Pair(**pair)
-        row = {"patient": p.patient, "condition": p.condition, "rule": p.rule}
-        row |= {"measured": p.measured, "predicted": {}}
-        key = (*_place((p.condition, p.rule)), p.patient)
-        found.setdefault(key, row)["predicted"][p.boundary] = p.predicted
-    return [found[key] for key in sorted(found)]
-
-
 def _groups(pairs: Sequence[Pair]) -> Iterator[Document]:
     """Agreement of each condition, rule and boundary."""
     settings = dict.fromkeys((p.condition, p.rule, p.boundary) for p in pairs)
 
     def place(setting: tuple[str, str | None, str]) -> tuple[Any, ...]:
         condition, rule, boundary = setting
-        return *_place((condition, rule)), BOUNDARIES.index(boundary)
+        return *place_of((condition, rule)), BOUNDARIES.index(boundary)
 
     for condition, rule, boundary in sorted(settings, key=place):
         mine = [
@@ -214,7 +171,7 @@ def _changes(pairs: Sequence[Pair]) -> Iterator[Document]:
     by: dict[tuple[str, str | None, str], dict[str, Pair]] = {}
     for p in pairs:
         by.setdefault((p.condition, p.rule, p.boundary), {})[p.patient] = p
-    for condition, rule in sorted({(p.condition, p.rule) for p in pairs}, key=_place):
+    for condition, rule in sorted({(p.condition, p.rule) for p in pairs}, key=place_of):
         tuned = by.get((condition, rule, CALIBRATED), {})
         for boundary in (FIXED, FIXED_0D):
             fixed = by.get((condition, rule, boundary), {})
@@ -238,10 +195,3 @@ def _changes(pairs: Sequence[Pair]) -> Iterator[Document]:
                 "sd_fixed": _numbers(before)["sd"],
                 "sd_calibrated": _numbers(after)["sd"],
             }
-
-
-def _place(setting: tuple[str, str | None]) -> tuple[Any, ...]:
-    """Conditions in the paper's order, others by name."""
-    condition, rule = setting
-    at = ORDER.index(condition) if condition in ORDER else len(ORDER)
-    return at, condition, rule or ""

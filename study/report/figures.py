@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from study.case.laws import LINEAR, QUADRATIC
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, legend_below, svg
-from study.store.document_rows import CALIBRATED, FIXED
+from study.store.result_names import CALIBRATED, FIXED
 
 Document = Mapping[str, Any]
 

@@ -1,6 +1,5 @@
 """The document of the command `mesh`, and the files that hold its meshes."""
 
-import base64
 import pathlib
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,12 +7,12 @@ from typing import Any
 from jaxfsi import Mesh
 from jaxfsi.mesh_files import Unit, write_mesh, write_mesh_complete
 from study.case.model import Case
+from study.report.pictures import embedded_pictures, write_mesh_pictures
 from study.run.mesh import mesh_part
 from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.meshes import StateMesh
 from study.store.provenance import Provenance
-from study.store.result_files import MESH_PICTURES as PICTURE_FOLDER
 
 FOLDER_SUFFIX = "-mesh-complete"
 
@@ -48,10 +47,7 @@ def write_meshes(
                 _write_complete(folder / name, made.mesh, unit)
             else:
                 write_mesh(folder / name, made.mesh, unit=unit)
-        for name, content in made.pictures.items():
-            pictures = folder / PICTURE_FOLDER
-            pictures.mkdir(exist_ok=True)
-            (pictures / f"{state}-{name}.png").write_bytes(content)
+        write_mesh_pictures(folder, state, made.pictures)
 
 
 def _write_complete(folder: pathlib.Path, mesh: Mesh, unit: Unit) -> None:
@@ -64,21 +60,4 @@ def _write_complete(folder: pathlib.Path, mesh: Mesh, unit: Unit) -> None:
 
 def embedded(states: Mapping[str, StateMesh]) -> dict[str, dict[str, str]]:
     """Pictures of each state as texts that stand inside HTML."""
-    return {
-        state: {name: picture_text(content) for name, content in made.pictures.items()}
-        for state, made in states.items()
-    }
-
-
-def stored_pictures(folder: pathlib.Path, document: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """The same of pictures that lie in an output folder; those that are gone are left out."""
-    found: dict[str, dict[str, str]] = {}
-    for state, entry in document["states"].items():
-        paths = {n: folder / PICTURE_FOLDER / f"{state}-{n}.png" for n in entry["pictures"]}
-        found[state] = {n: picture_text(p.read_bytes()) for n, p in paths.items() if p.is_file()}
-    return found
-
-
-def picture_text(content: bytes) -> str:
-    """A PNG file as the address of a picture."""
-    return "data:image/png;base64," + base64.b64encode(content).decode("ascii")
+    return {state: embedded_pictures(made.pictures) for state, made in states.items()}

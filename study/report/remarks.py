@@ -15,7 +15,7 @@ from study.report.headline import Reading, headline
 from study.run.patient import Vessel
 from study.run.pipeline import CaseResult, Run
 from study.run.tuning import ratio_error
-from study.store.document_rows import CALIBRATED, FIXED
+from study.store.result_names import CALIBRATED, FIXED
 
 FLOW_RANGE = (30.0, 200.0)
 """Resting flow of one coronary artery of an adult [mL/min]; right ones lie low, left ones high."""

@@ -24,10 +24,11 @@ from study.report.remarks import (
 from study.run.patient import Patient, Vessel
 from study.run.pipeline import CaseResult, Run
 from study.run.tuning import Calibration, Tuning
-from study.store.document_rows import CALIBRATED, ratio_name
+from study.store.document_rows import ratio_name
 from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.provenance import Provenance
+from study.store.result_names import CALIBRATED
 
 Document = dict[str, Any]
 

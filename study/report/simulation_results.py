@@ -1,8 +1,6 @@
-"""The document of the command `simulate`, and the pictures beside it."""
+"""The document of the command `simulate`."""
 
-import dataclasses
 import pathlib
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,33 +14,16 @@ from jaxfsi.simulation.cycles import CycleMeans, cycle_means
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
 from study.report.chosen_laws import chosen_laws
-from study.report.mesh_results import picture_text
+from study.report.pictures import Drawn
 from study.run.setup import Setup
 from study.run.simulation import Outcome, solver_choice
 from study.store.document_rows import ratio_name
 from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.provenance import Provenance
-from study.store.result_files import FIELD_FOLDER
-from study.store.result_files import SIMULATION_PICTURES as PICTURE_FOLDER
+from study.store.result_files import SERIES_FILE
 
-SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
 _MOST_SAMPLES = 3000
-
-
-@dataclasses.dataclass(frozen=True)
-class Drawn:
-    """Pictures of a run.
-
-    Attributes:
-        pictures: PNG files by name.
-        times: instants that they show [s].
-        note: why there are none, if so.
-    """
-
-    pictures: dict[str, bytes]
-    times: list[float]
-    note: str | None
 
 
 def simulation_document(
@@ -194,21 +175,3 @@ def _history(record: Record, names: tuple[str, ...]) -> dict[str, Any]:
         "change": numbers(record.change),
         "least_volume": numbers(np.minimum(record.min_volume_ratio, 1e9)),
     }
-
-
-def write_pictures(folder: pathlib.Path, drawn: Drawn) -> None:
-    """Write the pictures of a run into a folder that is being filled."""
-    for name, content in drawn.pictures.items():
-        (folder / PICTURE_FOLDER).mkdir(exist_ok=True)
-        (folder / PICTURE_FOLDER / f"{name}.png").write_bytes(content)
-
-
-def embedded_pictures(drawn: Drawn) -> dict[str, str]:
-    """Pictures as texts that stand inside HTML."""
-    return {name: picture_text(content) for name, content in drawn.pictures.items()}
-
-
-def stored_simulation_pictures(folder: pathlib.Path, document: Mapping[str, Any]) -> dict[str, str]:
-    """The same of pictures that lie in an output folder; those that are gone are left out."""
-    paths = {n: folder / PICTURE_FOLDER / f"{n}.png" for n in document["pictures"]}
-    return {n: picture_text(p.read_bytes()) for n, p in paths.items() if p.is_file()}

@@ -3,13 +3,11 @@
 import pathlib
 
 from study.case.faults import CaseError, Fault
-from study.report.algorithm_report import stored_study_report
 from study.report.cohort_report import cohort_report
 from study.report.diagnosis_report import diagnosis_report
-from study.report.mesh_results import stored_pictures
 from study.report.page import html_report, simulation_report
-from study.report.results import Document
-from study.report.simulation_results import stored_simulation_pictures
+from study.report.pictures import stored_mesh_pictures, stored_simulation_pictures
+from study.report.study_report import stored_study_report
 from study.store.result_files import (
     COHORT_PAGE,
     DIAGNOSIS_PAGE,
@@ -18,6 +16,7 @@ from study.store.result_files import (
     SIMULATION_PAGE,
     STUDY_PAGE,
 )
+from study.store.stored_document import Document
 
 _NAMES = {
     "mesh": PAGE_FILE,
@@ -61,4 +60,4 @@ def stored_page(result: pathlib.Path, document: Document) -> str:
     if document["kind"] == "simulate":
         return simulation_report(document, stored_simulation_pictures(folder, document))
     part = document if document["kind"] == "mesh" else document.get("mesh") or {}
-    return html_report(document, stored_pictures(folder, part) if "states" in part else {})
+    return html_report(document, stored_mesh_pictures(folder, part) if "states" in part else {})

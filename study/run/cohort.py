@@ -7,7 +7,6 @@ not stop the others.
 """
 
 import contextlib
-import dataclasses
 import json
 import os
 import pathlib
@@ -18,13 +17,12 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
-from typing import Any
 
 from jaxfsi.text_files import regular_text
 from lumped.whole_files import write_whole
 from study.case.faults import CaseError
 from study.case.read import read_case
-from study.run.members import Member
+from study.run.members import Member, MemberResult
 from study.store.options import Mode
 from study.store.provenance import input_files, sha256
 from study.store.result_files import RESULT_FILE, STUDY_FILE
@@ -41,27 +39,6 @@ _INTERRUPTS = 30  # a second apart, before what still runs is killed
 _NOT_BEGUN = 130
 
 
-@dataclasses.dataclass(frozen=True)
-class Fate:
-    """What became of a case.
-
-    Attributes:
-        member: the case.
-        status: exit status of its command; 0 is done.
-        seconds: that its last command took.
-        document: its result; None where there is none.
-        reason: why there is none.
-        kept: whether an earlier command computed it.
-    """
-
-    member: Member
-    status: int
-    seconds: float
-    document: dict[str, Any] | None
-    reason: str
-    kept: bool = False
-
-
 def member_key(member: Member, mode: Mode, extra: Sequence[str]) -> str:
     """Hash of the input files and options of a case."""
     files = [sha256(path) for path in input_files(read_case(member.path))]
@@ -76,7 +53,7 @@ def run_cohort(
     workers: int | None = None,
     expected: float = 60.0,
     tell: Callable[[str, float, float], None] | None = None,
-) -> list[Fate]:
+) -> list[MemberResult]:
     """Run all cases that are not finished, some at a time.
 
     Args:
@@ -96,29 +73,31 @@ def run_cohort(
     cores = _cores()
     workers = max(1, workers or len(cores))
     known = {member.name: _finished(member, mode, extra) for member in members}
-    fates = {name: fate for name, fate in known.items() if fate is not None}
+    results = {name: result for name, result in known.items() if result is not None}
     shared = [cores[k % len(cores)] for k in range(workers)] if workers > 1 else []
     children = _Children(shared)
     begun, done = time.monotonic(), 0
     with ThreadPoolExecutor(workers) as pool:
-        waiting = [member for member in members if member.name not in fates]
+        waiting = [member for member in members if member.name not in results]
         try:
             pending = {pool.submit(_run, member, mode, extra, children) for member in waiting}
             while pending:
                 ended, pending = wait(pending, _LOOK_SECONDS, FIRST_COMPLETED)
-                for fate in (future.result() for future in ended):
-                    fates[fate.member.name] = fate
+                for result in (future.result() for future in ended):
+                    results[result.member.name] = result
                 done += len(ended)
                 if tell is not None:
                     spent = time.monotonic() - begun
                     pace = spent / done if done else expected / workers
-                    text = f"{len(fates)} of {len(members)} cases done; at work: {children.names()}"
-                    tell(text, len(fates) / len(members), _left(pace, len(pending), spent, done))
+                    text = (
+                        f"{len(results)} of {len(members)} cases done; at work: {children.names()}"
+                    )
+                    tell(text, len(results) / len(members), _left(pace, len(pending), spent, done))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             children.end()
             raise
-    return [fates[member.name] for member in members]
+    return [results[member.name] for member in members]
 
 
 class _Children:
@@ -167,7 +146,7 @@ class _Children:
                     process.kill()
 
 
-def _run(member: Member, mode: Mode, extra: Sequence[str], children: _Children) -> Fate:
+def _run(member: Member, mode: Mode, extra: Sequence[str], children: _Children) -> MemberResult:
     start = time.monotonic()
     command = "study" if mode == "3d" else "run"
     arguments = [command, str(member.path), *extra, "--out", str(member.folder)]
@@ -222,7 +201,7 @@ def _result_file(member: Member, mode: Mode) -> pathlib.Path:
     return member.folder / (STUDY_FILE if mode == "3d" else RESULT_FILE)
 
 
-def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> Fate | None:
+def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> MemberResult | None:
     """What became of a case before; None where it must be run."""
     try:
         status = json.loads(regular_text(member.folder / STATUS_FILE))
@@ -232,21 +211,23 @@ def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> Fate | None:
         document = load_document(_result_file(member, mode))
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return Fate(member, 0, seconds, document, "", kept=True)
+    return MemberResult(member, 0, seconds, document, "", kept=True)
 
 
-def _ended(member: Member, mode: Mode, extra: Sequence[str], status: int, start: float) -> Fate:
+def _ended(
+    member: Member, mode: Mode, extra: Sequence[str], status: int, start: float
+) -> MemberResult:
     seconds = time.monotonic() - start
     document, reason = None, ""
     if status == 0:
         try:
             document = load_document(_result_file(member, mode))
         except CaseError as error:
-            return Fate(member, 1, seconds, None, " ".join(str(error).split()))
+            return MemberResult(member, 1, seconds, None, " ".join(str(error).split()))
         kept = {"key": member_key(member, mode, extra), "status": 0, "seconds": seconds}
         write_whole(member.folder / STATUS_FILE, json.dumps(kept))
     else:
         text = (member.folder / LOG_FILE).read_text(encoding="utf-8", errors="replace")
         lines = [line for line in text.splitlines() if line.strip()]
         reason = " ".join(lines[-3:])[-600:] or f"ended with status {status}"
-    return Fate(member, status, seconds, document, reason)
+    return MemberResult(member, status, seconds, document, reason)

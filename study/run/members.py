@@ -1,11 +1,10 @@
-"""The cases of a cohort: found in a folder, and read before any is run."""
+"""The cases of a cohort, found in a folder, and what became of them."""
 
 import dataclasses
 import pathlib
-from collections.abc import Sequence
+from typing import Any
 
 from study.case.faults import CaseError, Fault
-from study.case.read import read_case
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,6 +20,27 @@ class Member:
     name: str
     path: pathlib.Path
     folder: pathlib.Path
+
+
+@dataclasses.dataclass(frozen=True)
+class MemberResult:
+    """What became of a case.
+
+    Attributes:
+        member: the case.
+        status: exit status of its command; 0 is done.
+        seconds: that its last command took.
+        document: its result; None where there is none.
+        reason: why there is none.
+        kept: whether an earlier command computed it.
+    """
+
+    member: Member
+    status: int
+    seconds: float
+    document: dict[str, Any] | None
+    reason: str
+    kept: bool = False
 
 
 def find_members(folder: pathlib.Path, out: pathlib.Path) -> list[Member]:
@@ -40,19 +60,3 @@ def find_members(folder: pathlib.Path, out: pathlib.Path) -> list[Member]:
         problem = "no case in it" if folder.is_dir() else "no such folder"
         raise CaseError([Fault(folder, "", None, problem, "", cure)])
     return [Member(name, path, out / name) for name, path in found.items()]
-
-
-def check_members(members: Sequence[Member]) -> None:
-    """Read every case before any is run.
-
-    Raises:
-        CaseError: the faults of all cases.
-    """
-    faults: list[Fault] = []
-    for member in members:
-        try:
-            read_case(member.path)
-        except CaseError as error:
-            faults += error.faults
-    if faults:
-        raise CaseError(faults)

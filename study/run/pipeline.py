@@ -22,7 +22,7 @@ from study.run.tuning import (
     respond,
     tune,
 )
-from study.store.document_rows import CALIBRATED, FIXED
+from study.store.result_names import CALIBRATED, FIXED
 
 
 @dataclasses.dataclass(frozen=True)

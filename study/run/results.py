@@ -7,10 +7,7 @@ from typing import Any
 from jaxfsi.opening import is_anomalous
 from jaxfsi.simulation.cycles import CycleMeans, PortMeans
 from study.store.json_form import ABSENT, Absent, from_json
-
-PAPER, CURVE, LOOP, NOMINAL = "paper", "curve", "loop", "nominal"
-"""What the α of a run comes from: the linear surrogate, the quadratic one, the correction in 3D, or
-nothing (α = 1, the paper's fixed boundary condition)."""
+from study.store.result_names import LOOP
 
 
 @dataclasses.dataclass(frozen=True)

@@ -3,10 +3,9 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-Document = Mapping[str, Any]
+from study.store.result_names import CALIBRATED, FIXED
 
-FIXED, CALIBRATED = "fixed", "calibrated"
-"""Outlets of a run: nominal, or with α as tuned."""
+Document = Mapping[str, Any]
 
 
 def ratio_name(condition: str) -> str:

@@ -14,6 +14,7 @@ SWEEP_FILE, TABLE_FILE, FIGURE_FILE = "sweep.json", "sweep.csv", "sweep.svg"
 
 HISTORY_FILE, CHECKPOINT_FILE, SHEAR_FILE = "history.csv", "checkpoint.npz", "shear.vtu"
 FIELD_FOLDER, RUN_FOLDER, STAGE_FOLDER, IN_3D_FOLDER = "fields", "runs", "stages", "in-3d"
+SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
 MESH_PICTURES, SIMULATION_PICTURES = "pictures", "simulation-pictures"
 STUDY_PICTURES = "study-pictures"
 

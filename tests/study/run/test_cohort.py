@@ -8,9 +8,10 @@ import pytest
 from benchmarks.virtual_cohort import case_text, patients
 from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
+from study.case.read import read_case
 from study.report.cohort_results import cohort_document
-from study.run.cohort import Fate, _ended, _finished, member_key, run_cohort
-from study.run.members import find_members
+from study.run.cohort import _ended, _finished, member_key, run_cohort
+from study.run.members import MemberResult, find_members
 from study.store.stored_document import load_document
 
 CASE = """\
@@ -154,10 +155,10 @@ def test_damaged_result_of_a_case_is_not_taken(folder, tmp_path, text):
     (member.folder / "status.json").write_text(json.dumps(status))
     assert _finished(member, "curve", []) is None
     (member.folder / "status.json").unlink()
-    fate = _ended(member, "curve", [], 0, 0.0)
-    assert fate.document is None
-    assert fate.status == 1
-    assert f"{member.folder / 'result.json'}: " in fate.reason
+    result = _ended(member, "curve", [], 0, 0.0)
+    assert result.document is None
+    assert result.status == 1
+    assert f"{member.folder / 'result.json'}: " in result.reason
     assert not (member.folder / "status.json").exists()
 
 
@@ -165,9 +166,9 @@ def test_damaged_part_of_a_result_is_named(folder, tmp_path):
     member = find_members(folder, tmp_path)[0]
     member.folder.mkdir()
     (member.folder / "result.json").write_text('{"format": "jaxfsi 1", "kind": "run", "runs": 3}')
-    fate = Fate(member, 0, 1.0, load_document(member.folder), "")
+    result = MemberResult(member, 0, 1.0, load_document(member.folder), "")
     with pytest.raises(CaseError, match=r"result\.json: the result is damaged: runs, or a part"):
-        cohort_document([fate], "curve", {})
+        cohort_document([result], {member.name: read_case(member.path)}, "curve", {})
 
 
 def test_folder_without_cases_is_refused(tmp_path, command):

@@ -1,0 +1,40 @@
+"""The page of a study."""
+
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+from study.report.algorithm_figures import study_figures
+from study.report.page import rendered, safe
+from study.report.pictures import stored_films, stored_study_pictures
+from study.report.simulation_pictures import PICTURES
+
+Document = Mapping[str, Any]
+
+
+def study_report(
+    document: Document,
+    pictures: Mapping[str, Mapping[str, str]],
+    films: Mapping[str, str],
+) -> str:
+    """The page of a study as HTML, its figures inside.
+
+    Args:
+        document: the document of the study as JSON holds it, fresh or read back.
+        pictures: addresses of pictures by run and name.
+        films: addresses of animations by run.
+    """
+    return rendered(
+        "study.html",
+        d=document,
+        fig=safe(study_figures(document)),
+        picture=pictures,
+        film=films,
+        captions=PICTURES,
+    )
+
+
+def stored_study_report(folder: pathlib.Path, document: Document) -> str:
+    """The page of a stored study; pictures that are gone are left out."""
+    pictures = stored_study_pictures(folder, document)
+    return study_report(document, pictures, stored_films(folder, document))

@@ -1,0 +1,11 @@
+"""What results call their outlets and where the α of a run comes from."""
+
+FIXED, CALIBRATED = "fixed", "calibrated"
+"""Outlets of a run: nominal, or with α as tuned."""
+
+FIXED_0D = "fixed, 0D"
+"""In a cohort: the nominal outlet behind the curve of the ramp in 0D."""
+
+PAPER, CURVE, LOOP, NOMINAL = "paper", "curve", "loop", "nominal"
+"""What the α of a run in 3D comes from: the linear surrogate, the quadratic one, the correction in
+3D, or nothing (α = 1, the paper's fixed boundary condition)."""

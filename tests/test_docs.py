@@ -12,6 +12,7 @@ PAGES = (
     "docs/architecture.md",
     "docs/extending.md",
     "docs/glossary.md",
+    "docs/results.md",
 )
 FOLDERS = ("lumped", "jaxfsi", "calibration", "diagnosis", "study", "tests", "benchmarks", "docs")
 _PATH = re.compile(rf"(?<![\w./-])(?:{'|'.join(FOLDERS)})/[\w./-]*\w")

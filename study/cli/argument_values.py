@@ -5,6 +5,8 @@ import importlib.util
 import math
 from collections.abc import Callable
 
+from study.case.advice import nearest
+from study.report.documents import KINDS as DOCUMENTS
 from study.store.options import AlphaRange
 from study.store.result_files import MESH_FORMATS as FORMATS
 
@@ -51,6 +53,17 @@ def formats(text: str) -> tuple[str, ...]:
     if "xdmf" in names and importlib.util.find_spec("h5py") is None:
         raise argparse.ArgumentTypeError("xdmf needs h5py; try pip install 'jaxfsi[xdmf]', or vtu")
     return names
+
+
+def document_kind(text: str) -> str:
+    """A kind of stored result, as its document says it under `kind`, or the command's name."""
+    kind = text.removesuffix("-measurement")
+    if kind in DOCUMENTS:
+        return kind
+    close = nearest(text, list(DOCUMENTS))
+    known = f"choose from {', '.join(DOCUMENTS)}"
+    cure = known if close is None else f"try {close}, or {known}"
+    raise argparse.ArgumentTypeError(f"there is no kind of result {text!r}; {cure}")
 
 
 def alpha_range(text: str) -> AlphaRange:

@@ -10,12 +10,12 @@ import importlib
 import os
 import pathlib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from study.case import json_schema
 from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
-from study.case.json_schema import schema_text
 from study.case.model import require
 from study.case.read import read_case, read_cases
 from study.case.record import OLDER, read_record, record_path
@@ -30,6 +30,7 @@ from study.cli.arguments import parse
 from study.cli.command_output import Answer, note, note_written
 from study.cli.entry import Signals
 from study.cli.request import Request, ShowOptions, TemplateOptions
+from study.report.documents import schema_text
 from study.report.summary import summary
 from study.run.members import find_members
 from study.store.cache_folder import use_cache
@@ -96,6 +97,8 @@ def _run(request: Request[Any], signals: Signals) -> None:
     """Read the input, compute, write, tell."""
     if request.command == "template":
         return _template(request)
+    if request.command == "show" and request.options.schema is not None:
+        return _schema(request)
     command = _COMMANDS[request.command]
     given = command.read(request)
     answer = Answer(given[0], [])
@@ -166,6 +169,7 @@ def _record(request: Request[RecordOptions]) -> tuple[Any, ...]:
 def _stored(request: Request[ShowOptions]) -> tuple[Any, ...]:
     """A stored result."""
     result = request.options.result
+    assert result is not None, "else a schema is shown"
     document = load_document(result)
     readable(result, document, lambda: (summary(document), without_waveforms(document)))
     return (document,)
@@ -177,19 +181,34 @@ def _template(request: Request[TemplateOptions]) -> None:
         files = {EXAMPLE_FILE: example_traces(), RECORD_FILE: record_template()}
     if request.options.schema:
         kind = "record" if request.options.record else "case"
-        files = {f"{kind}.schema.json": schema_text(kind)}
-    text, written = list(files.values())[-1], []
-    if request.out is not None:
-        folder = check_folder(request.out)
-        for name in files:
-            if (folder / name).exists():
-                raise OutputRefused(f"{folder / name}: exists already. Name another --out.")
-        written = write_files(folder, files)
+        files = {f"{kind}.schema.json": json_schema.schema_text(kind)}
+    text, written = list(files.values())[-1], _new_files(request.out, files)
     if request.json:
         print(to_json({"template": text, "files": [str(path) for path in written]}), end="")
     elif not written:
         print(text, end="")
     note_written(written)
+
+
+def _schema(request: Request[ShowOptions]) -> None:
+    kind = request.options.schema
+    assert kind is not None, "else a result is shown"
+    text = schema_text(kind)
+    written = _new_files(request.out, {f"{kind}.schema.json": text})
+    if request.json or not written:
+        print(text, end="")
+    note_written(written)
+
+
+def _new_files(out: pathlib.Path | None, files: Mapping[str, str]) -> list[pathlib.Path]:
+    """Write texts into a folder, if one is given; a file that is there already is refused."""
+    if out is None:
+        return []
+    folder = check_folder(out)
+    for name in files:
+        if (folder / name).exists():
+            raise OutputRefused(f"{folder / name}: exists already. Name another --out.")
+    return write_files(folder, files)
 
 
 class _Command(NamedTuple):

@@ -1,5 +1,6 @@
 """The commands on records, `diagnose` and `plan-measurement`."""
 
+import dataclasses
 import pathlib
 
 from diagnosis import Record
@@ -7,12 +8,14 @@ from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.report.diagnosis_report import diagnosis_report
 from study.report.diagnosis_results import diagnosis_document
-from study.report.results import Document
+from study.report.documents.diagnose import DiagnoseDocument
+from study.report.plan_results import plan_document
 from study.run.diagnosis import diagnose_record, plan_record, record_origin, with_case
 from study.run.diagnosis_in_3d import gap_in_3d, study_in_3d
 from study.run.progress import Progress
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.json_form import as_json
 from study.store.options import DiagnoseOptions, PlanOptions, RecordOptions
 from study.store.output import write_files
 from study.store.result_files import DIAGNOSIS_FILE, DIAGNOSIS_PAGE, PLAN_FILE
@@ -49,10 +52,10 @@ def diagnose_command(
         written = _write(folder, document)
         if study is not None:
             part = gap_in_3d(record, diagnosis, study, options.in_3d or (), folder, progress)
-            document = {**document, "in_3d": part}
+            document = dataclasses.replace(document, in_3d=part)
             progress.step("writing the report")
             written = _write(folder, document)
-    return Answer(document, written)
+    return Answer(as_json(document), written)
 
 
 def plan_command(
@@ -76,7 +79,7 @@ def plan_command(
     record, _ = _known(options, record, remarks)
     with at_work(folder, note), Progress() as progress:
         origin = record_origin(request.words, options)
-        document = plan_record(record, progress, origin)
+        document = as_json(plan_document(record, plan_record(record, progress), origin))
         written = write_files(
             folder,
             {PLAN_FILE: to_json(document)},
@@ -95,6 +98,7 @@ def _known(
     return record, (*remarks, more)
 
 
-def _write(folder: pathlib.Path, document: Document) -> list[pathlib.Path]:
+def _write(folder: pathlib.Path, found: DiagnoseDocument) -> list[pathlib.Path]:
+    document = as_json(found)
     files = {DIAGNOSIS_PAGE: diagnosis_report(document), DIAGNOSIS_FILE: to_json(document)}
     return write_files(folder, files, before=lambda names: make_way(folder, document, note, names))

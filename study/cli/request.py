@@ -33,10 +33,12 @@ class ShowOptions(Options):
     """Options of `show`.
 
     Attributes:
-        result: file or folder of a stored result.
+        result: file or folder of a stored result; None where a schema is shown.
+        schema: kind of document whose JSON Schema is shown instead of a result.
     """
 
-    result: pathlib.Path
+    result: pathlib.Path | None
+    schema: str | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

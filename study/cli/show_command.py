@@ -12,6 +12,7 @@ from study.store.stored_document import Document, readable
 def show_command(request: Request[ShowOptions], document: Document) -> Answer:
     """Write the page of a stored result again."""
     result = request.options.result
+    assert result is not None, "else a schema is shown"
     page = readable(result, document, lambda: stored_page(result, document))
     assert request.out is not None, "without it the result is printed"
     folder = check_folder(request.out)

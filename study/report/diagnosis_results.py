@@ -1,6 +1,6 @@
 """The document of a diagnosis, `diagnosis.json`: what the report and the summary are made from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,8 +8,8 @@ import numpy as np
 from diagnosis import Diagnosis, Record, find_effect, noise_of
 from diagnosis.circuit import PHASE
 from diagnosis.measured import SENSORS
-from diagnosis.next_measurement import aliases, next_measurements
-from diagnosis.shrink import Shrink, expected_waves, fitted_gap, held_out_gap
+from diagnosis.next_measurement import Next, aliases, next_measurements
+from diagnosis.shrink import expected_waves, fitted_gap, held_out_gap
 from diagnosis.verdict import key_of
 from diagnosis.where import (
     DRAWS,
@@ -21,19 +21,28 @@ from diagnosis.where import (
 )
 from lumped import MMHG
 from study.report.diagnosis_words import sentence, size_of, to_do
-from study.store.json_form import as_json
+from study.report.documents.diagnose import (
+    BeforeAfter,
+    DataBlock,
+    DiagnoseDocument,
+    EffectEntry,
+    Gap,
+    HeldOutGap,
+    NoiseLevel,
+    RecordWaveforms,
+    TraceModels,
+)
+from study.report.documents.parts import NextMeasurement
 from study.store.layouts import FORMAT
 from study.store.provenance import Provenance
 
 SMALLEST_SHOWN = 1e-4
 """Probability below which a hypothesis is not listed on its own."""
 
-Document = dict[str, Any]
-
 
 def diagnosis_document(
     record: Record, remarks: Sequence[str], diagnosis: Diagnosis, provenance: Provenance
-) -> Document:
+) -> DiagnoseDocument:
     """The document of a diagnosis.
 
     Args:
@@ -46,51 +55,56 @@ def diagnosis_document(
     noise = noise_of(record)
     names = [c.name for c in record.conditions]
     rest = rest_map(diagnosis.record)
-    fitted, joint = fitted_gap(diagnosis), joint_map(diagnosis)
-    return {
-        "kind": "diagnose",
-        "format": FORMAT,
-        "id": record.id,
-        "verdict": judgement.verdict,
-        "sentence": sentence(diagnosis, joint.p_value),
-        "to_do": to_do(diagnosis, names),
-        "named": list(judgement.named),
-        "probabilities": _listed(judgement.probabilities),
-        "inclusion": {k: round(v, 6) for k, v in judgement.inclusion.items()},
-        "closed": judgement.closed,
-        "effects": [_effect(diagnosis, e) for e in _shown_effects(diagnosis)],
-        "where": _blocks(joint, names),
-        "where_after_rest_alone": None if rest is None else _blocks(rest, names),
-        "place_in_model": place_probabilities(diagnosis),
-        "free_forcing": forcing_shares(diagnosis),
-        "unknown_beside": {key_of(h): round(p, 6) for h, p in diagnosis.beside.items()},
-        "smallest_global_p": 1.0 / (DRAWS + 1),
-        "gap": {
-            "fitted": fitted._asdict(),
-            "held_out": [
-                {
-                    "condition": names[h.condition],
-                    "P_distal_rms_mmHg": _shrink(h.P_distal_rms, MMHG),
-                    "ffr_error": _shrink(h.ffr_error, 1.0),
-                }
-                for h in held_out_gap(diagnosis)
-            ],
-        },
-        "aliases": [list(pair) for pair in aliases(diagnosis)],
-        "next_measurements": [
-            {**option._asdict(), "separates": list(option.separates)}
-            for option in next_measurements(diagnosis)
-        ],
-        "noise": {
-            "pressure_sd_mmHg": noise.pressure_sd / MMHG,
-            "offset_sd_mmHg": noise.offset_sd / MMHG,
-            "white_share": noise.white_share,
-            "origin": noise.origin,
-        },
-        "remarks": list(remarks),
-        "provenance": as_json(provenance),
-        "waveforms": _waveforms(record, diagnosis),
-    }
+    joint = joint_map(diagnosis)
+    return DiagnoseDocument(
+        kind="diagnose",
+        format=FORMAT,
+        id=record.id,
+        verdict=judgement.verdict,
+        sentence=sentence(diagnosis, joint.p_value),
+        to_do=to_do(diagnosis, names),
+        named=list(judgement.named),
+        probabilities=_listed(judgement.probabilities),
+        inclusion={k: round(v, 6) for k, v in judgement.inclusion.items()},
+        closed=judgement.closed,
+        effects=[_effect(diagnosis, e) for e in _shown_effects(diagnosis)],
+        where=_blocks(joint, names),
+        where_after_rest_alone=None if rest is None else _blocks(rest, names),
+        place_in_model=place_probabilities(diagnosis),
+        free_forcing=forcing_shares(diagnosis),
+        unknown_beside={key_of(h): round(p, 6) for h, p in diagnosis.beside.items()},
+        smallest_global_p=1.0 / (DRAWS + 1),
+        gap=Gap(BeforeAfter(*fitted_gap(diagnosis)), list(_held_out(diagnosis, names))),
+        aliases=[list(pair) for pair in aliases(diagnosis)],
+        next_measurements=measurements(next_measurements(diagnosis)),
+        noise=NoiseLevel(
+            pressure_sd_mmHg=noise.pressure_sd / MMHG,
+            offset_sd_mmHg=noise.offset_sd / MMHG,
+            white_share=noise.white_share,
+            origin=noise.origin,
+        ),
+        remarks=list(remarks),
+        provenance=provenance,
+        waveforms=_waveforms(record, diagnosis),
+    )
+
+
+def measurements(found: Sequence[Next]) -> list[NextMeasurement]:
+    """Recommended measurements as documents hold them."""
+    return [
+        NextMeasurement(option.sensor, list(option.separates), option.expected_log_bayes_factor)
+        for option in found
+    ]
+
+
+def _held_out(diagnosis: Diagnosis, names: list[str]) -> Iterator[HeldOutGap]:
+    for held in held_out_gap(diagnosis):
+        rms, ratio = held.P_distal_rms, held.ffr_error
+        yield HeldOutGap(
+            condition=names[held.condition],
+            P_distal_rms_mmHg=None if rms is None else BeforeAfter(*(v / MMHG for v in rms)),
+            ffr_error=None if ratio is None else BeforeAfter(*ratio),
+        )
 
 
 def _listed(probabilities: Mapping[str, float]) -> dict[str, float]:
@@ -107,47 +121,41 @@ def _shown_effects(diagnosis: Diagnosis) -> list[str]:
     return [name for k, name in enumerate(ranked) if k < 3 or inclusion[name] > 0.02]
 
 
-def _effect(diagnosis: Diagnosis, name: str) -> Document:
+def _effect(diagnosis: Diagnosis, name: str) -> EffectEntry:
     effect = find_effect(diagnosis.effects, name)
     hypothesis = diagnosis.judgement.best if name in diagnosis.judgement.best else (name,)
     fitted = diagnosis.fits[hypothesis]
     place = [e.id for e in diagnosis.effects].index(name)
     size, sd = float(fitted.sizes[place]), float(fitted.size_sd[hypothesis.index(name)])
-    return {
-        "id": name,
-        "place": effect.place,
-        "size": size,
-        "sd": sd,
-        "unit": effect.unit,
-        "equation": effect.equation,
-        "sentence": f"{effect.sentence} ({size_of(effect, size, sd)})",
-        "settled_by": effect.settled_by,
-        "log_bayes_factor": diagnosis.log_B[(name,)],
-        "score_scan": diagnosis.scan[name],
-    }
+    return EffectEntry(
+        id=name,
+        place=effect.place,
+        size=size,
+        sd=sd,
+        unit=effect.unit,
+        equation=effect.equation,
+        sentence=f"{effect.sentence} ({size_of(effect, size, sd)})",
+        settled_by=effect.settled_by,
+        log_bayes_factor=diagnosis.log_B[(name,)],
+        score_scan=diagnosis.scan[name],
+    )
 
 
-def _blocks(found: Map, names: list[str]) -> list[Document]:
+def _blocks(found: Map, names: list[str]) -> list[DataBlock]:
     return [
-        {
-            "condition": names[b.condition],
-            "site": b.sensor,
-            "phase": b.part,
-            "excess": round(b.excess, 4),
-            "z": round(b.z, 3),
-            "global_p": found.p_value,
-        }
+        DataBlock(
+            condition=names[b.condition],
+            site=b.sensor,
+            phase=b.part,
+            excess=round(b.excess, 4),
+            z=round(b.z, 3),
+            global_p=found.p_value,
+        )
         for b in found.blocks
     ]
 
 
-def _shrink(value: Shrink | None, unit: float) -> Document | None:
-    if value is None:
-        return None
-    return {name: part / unit for name, part in value._asdict().items()}
-
-
-def _waveforms(record: Record, diagnosis: Diagnosis) -> list[Document]:
+def _waveforms(record: Record, diagnosis: Diagnosis) -> list[RecordWaveforms]:
     """Traces of each condition [mmHg, mL/s]: measured, base model, after the diagnosis."""
     expected = expected_waves(diagnosis)
     found = []
@@ -158,18 +166,18 @@ def _waveforms(record: Record, diagnosis: Diagnosis) -> list[Document]:
                 float(diagnosis.record.wave_sd[c, s])
             )
             unit = 1.0 if name == "Q" else MMHG
-            traces[name] = {
-                "measured": _rounded(diagnosis.record.waves[c, s] / unit) if has else None,
-                "before": _rounded(np.asarray(diagnosis.base.waves)[c, s] / unit),
-                "after": _rounded(expected[c, s] / unit),
-            }
+            traces[name] = TraceModels(
+                measured=_rounded(diagnosis.record.waves[c, s] / unit) if has else None,
+                before=_rounded(np.asarray(diagnosis.base.waves)[c, s] / unit),
+                after=_rounded(expected[c, s] / unit),
+            )
         found.append(
-            {
-                "condition": condition.name,
-                "held_out": condition.held_out,
-                "t_s": [round(float(t), 6) for t in PHASE * condition.period],
-                "traces": traces,
-            }
+            RecordWaveforms(
+                condition=condition.name,
+                held_out=condition.held_out,
+                t_s=[round(float(t), 6) for t in PHASE * condition.period],
+                traces=traces,
+            )
         )
     return found
 

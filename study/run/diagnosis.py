@@ -4,22 +4,20 @@ import dataclasses
 import math
 import pathlib
 from collections.abc import Sequence
-from typing import Any
+from typing import NamedTuple
 
 from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of, stacked
-from diagnosis.next_measurement import isolability, next_measurements
+from diagnosis.next_measurement import isolability
 from lumped.units import MMHG
 from study.case.faults import CaseError, Fault
 from study.case.ostium import sd_log_of
 from study.case.read import read_case
 from study.case.record import record_path
 from study.run.progress import Progress
-from study.store.json_form import as_json
-from study.store.layouts import FORMAT
 from study.store.options import RecordOptions
 from study.store.provenance import Provenance, origin
 from study.store.result_files import STUDY_FILE
-from study.store.stored_document import Document, load_document
+from study.store.stored_document import load_document
 
 STEPS = {
     "fitting the base model": 8.0,
@@ -52,8 +50,26 @@ def diagnose_record(record: Record, richness: str | None, progress: Progress) ->
     return diagnose(stacked([measured(record, richness)]), progress=tell)[0]
 
 
-def plan_record(record: Record, progress: Progress, provenance: Provenance) -> Document:
-    """What to measure next; with data after a diagnosis, else from the conditions alone."""
+class Plan(NamedTuple):
+    """What a measurement could show.
+
+    Attributes:
+        diagnosis: of the record; None where it holds no data.
+        isolability: expected ln B by set of sensors and effect, see
+            `diagnosis.next_measurement.isolability` [-].
+    """
+
+    diagnosis: Diagnosis | None
+    isolability: dict[str, dict[str, float]]
+
+
+def plan_record(record: Record, progress: Progress) -> Plan:
+    """What to measure next; with data after a diagnosis, else from the conditions alone.
+
+    Args:
+        record: the record.
+        progress: told of the steps.
+    """
     settings = None
     diagnosis = None
     try:
@@ -64,7 +80,7 @@ def plan_record(record: Record, progress: Progress, provenance: Provenance) -> D
     else:
         diagnosis = diagnose_record(record, None, progress)
     progress.step("comparing sets of sensors")
-    return plan_document(record, diagnosis, settings, CATALOGUE, provenance)
+    return Plan(diagnosis, isolability(settings, CATALOGUE, noise_of(record).pressure_sd))
 
 
 def record_origin(command: Sequence[str], options: RecordOptions) -> Provenance:
@@ -163,31 +179,3 @@ def _changed(
 ) -> tuple[Record, str]:
     changed = dataclasses.replace(record, R0=R0, R0_sd_log=sd_log_of(sd_log))
     return changed, f"R0 = {R0 / MMHG:.3g} mmHg s/ml {how}."
-
-
-def plan_document(
-    record: Record, diagnosis: Diagnosis | None, settings: Any, effects: Any, provenance: Provenance
-) -> Document:
-    """What to measure next, and what sets of sensors could show in these conditions."""
-    noise = noise_of(record)
-    table = isolability(settings, effects, noise.pressure_sd)
-    return {
-        "kind": "plan",
-        "format": FORMAT,
-        "id": record.id,
-        "next_measurements": []
-        if diagnosis is None
-        else [
-            {**option._asdict(), "separates": list(option.separates)}
-            for option in next_measurements(diagnosis, 6)
-        ],
-        "sensors": {
-            name: {
-                "isolable": [e for e, v in row.items() if v >= 3.0],
-                "expected_log_bayes_factor": {e: round(v, 3) for e, v in row.items()},
-            }
-            for name, row in table.items()
-        },
-        "noise_sd_mmHg": noise.pressure_sd / MMHG,
-        "provenance": as_json(provenance),
-    }

@@ -12,7 +12,6 @@ import math
 import pathlib
 import shutil
 from collections.abc import Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -30,6 +29,7 @@ from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.run.driven_beat import Beat, Drive, driven_beat, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
+from study.run.gap_parts import ConditionGap, GapIn3D
 from study.run.progress import Progress
 from study.run.run_3d import RunContext
 from study.store.folder_lock import at_work
@@ -37,8 +37,6 @@ from study.store.options import DiagnoseOptions
 from study.store.result_files import IN_3D_FOLDER as FOLDER
 
 BEFORE, AFTER = "before", "after"
-
-Document = dict[str, Any]
 
 
 def study_in_3d(
@@ -76,8 +74,8 @@ def gap_in_3d(
     chosen: Sequence[str],
     folder: pathlib.Path,
     progress: Progress,
-) -> Document:
-    """Run a record's conditions in 3D before and after the named effect; part of the document.
+) -> GapIn3D:
+    """Run a record's conditions in 3D before and after the named effect.
 
     Args:
         record: the record.
@@ -114,14 +112,14 @@ def gap_in_3d(
         own = {label: of_model[k] for label, of_model in circuits.items()}
         found.append(_compared(diagnosis, condition, k, own, beats))
     effects = [find_effect(diagnosis.effects, name) for name in named]
-    return {
-        "study": study.context.folder.name,
-        "named": list(named),
-        "already_in_3d": [e.id for e in effects if e.place == "ostium"],
-        "at_the_boundary": [e.id for e in effects if e.place not in ("ostium", "sensor")],
-        "on_the_traces": [e.id for e in effects if e.place == "sensor"],
-        "conditions": found,
-    }
+    return GapIn3D(
+        study=study.context.folder.name,
+        named=list(named),
+        already_in_3d=[e.id for e in effects if e.place == "ostium"],
+        at_the_boundary=[e.id for e in effects if e.place not in ("ostium", "sensor")],
+        on_the_traces=[e.id for e in effects if e.place == "sensor"],
+        conditions=found,
+    )
 
 
 def circuits_of(diagnosis: Diagnosis, fitted: Fitted) -> list[Circuit]:
@@ -168,7 +166,7 @@ def _compared(
     k: int,
     circuits: dict[str, Circuit],
     beats: dict[str, Beat],
-) -> Document:
+) -> ConditionGap:
     """Gaps of one condition [mmHg]: surrogate and 3D, before and after."""
     record = diagnosis.record
     fits = {BEFORE: diagnosis.base, AFTER: diagnosis.best}
@@ -193,19 +191,19 @@ def _compared(
     if has_trace:
         floor = math.hypot(float(record.wave_sd[k, 1]), float(record.wave_offset_sd[k, 1])) / MMHG
     target = np.asarray(circuits[BEFORE].P_inlet) / MMHG
-    return {
-        "condition": condition.name,
-        "held_out": condition.held_out,
-        "P_distal_rms_mmHg": {
+    return ConditionGap(
+        condition=condition.name,
+        held_out=condition.held_out,
+        P_distal_rms_mmHg={
             model: {label: rms(wave) for label, wave in of.items()} for model, of in waves.items()
         },
-        "ratio_error": {
+        ratio_error={
             model: {label: off(wave) for label, wave in of.items()} for model, of in waves.items()
         },
-        "noise_floor_mmHg": floor,
-        "P_ostium_rms_mmHg": float(np.sqrt(np.mean((beats[BEFORE].P_ostium - target) ** 2))),
-        "P_distal_mmHg": {label: _rounded(wave[1]) for label, wave in waves["in_3d"].items()},
-    }
+        noise_floor_mmHg=floor,
+        P_ostium_rms_mmHg=float(np.sqrt(np.mean((beats[BEFORE].P_ostium - target) ** 2))),
+        P_distal_mmHg={label: _rounded(wave[1]) for label, wave in waves["in_3d"].items()},
+    )
 
 
 def _rounded(wave: Sequence[float] | np.ndarray) -> list[float]:

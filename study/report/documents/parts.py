@@ -62,3 +62,18 @@ class Headline:
     threshold: float
     not_included: str
     readings: list[HeadlineReading]
+
+
+@dataclasses.dataclass(frozen=True)
+class NextMeasurement:
+    """A recommended measurement.
+
+    Attributes:
+        sensor: what to measure.
+        separates: the two hypotheses that it tells apart best.
+        expected_log_bayes_factor: ln of the evidence expected for the likelier over the other [-].
+    """
+
+    sensor: str
+    separates: list[str]
+    expected_log_bayes_factor: float

@@ -27,11 +27,12 @@ from study.case.record import record_files
 from study.run.diagnosis_in_3d import circuits_of, entry_of, gap_in_3d
 from study.run.driven_beat import PHASES, Drive, drive_key, drive_setup, known_difference
 from study.run.finished_study import FinishedStudy, RampCurve, finished_study
+from study.run.gap_parts import GapIn3D
 from study.run.progress import Progress
 from study.run.results import Run3D, RunHistory
 from study.run.study_choice import RunChoice
 from study.run.study_context import open_context
-from study.store.json_form import ABSENT, as_json
+from study.store.json_form import ABSENT, as_json, from_json
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
 from study.store.options import StudyOptions
@@ -167,16 +168,17 @@ def test_the_gap_in_3d_is_that_of_the_surrogate_where_3d_is_the_surrogate(
         part = gap_in_3d(record, found, study, (), tmp_path, Progress())
         again = gap_in_3d(record, found, study, (), tmp_path, Progress())
     assert len(march.folders) == 2 * len(record.conditions), "kept runs are not made again"
-    assert json.dumps(part) == json.dumps(again)
-    assert some["conditions"] == part["conditions"][-1:]
-    assert part["at_the_boundary"] == ["vasodilation"]
-    assert [c["held_out"] for c in part["conditions"]] == [False, False, False, True]
-    for entry in part["conditions"]:
-        rms = entry["P_distal_rms_mmHg"]
+    assert part == again
+    assert from_json(GapIn3D, json.loads(json.dumps(as_json(part)))) == part
+    assert some.conditions == part.conditions[-1:]
+    assert part.at_the_boundary == ["vasodilation"]
+    assert [c.held_out for c in part.conditions] == [False, False, False, True]
+    for entry in part.conditions:
+        rms = entry.P_distal_rms_mmHg
         # the surrogate keeps 40 harmonics: 0.05 mmHg of 0.5 mmHg noise
         assert rms["in_3d"]["after"] == pytest.approx(rms["surrogate"]["after"], abs=0.05)
-        assert entry["P_ostium_rms_mmHg"] < 0.1
-    held = part["conditions"][-1]["P_distal_rms_mmHg"]
+        assert entry.P_ostium_rms_mmHg < 0.1
+    held = part.conditions[-1].P_distal_rms_mmHg
     assert held["in_3d"]["after"] < 0.5 * held["in_3d"]["before"]
 
 

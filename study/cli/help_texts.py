@@ -1,0 +1,162 @@
+"""Help of the command line: what each command does, with examples."""
+
+from study.store.cache_folder import VARIABLE
+
+DESCRIPTION = """\
+Pressure ratios (FFR, resting Pd/Pa) of anomalous coronary arteries by reduced models that are
+tuned to one patient. Research software, not a medical device.
+"""
+
+EPILOG = f"""\
+examples:
+  jaxfsi template > case.toml             start a case file; --record a measured record
+  jaxfsi run --demo                       the real patient that comes with the package
+  jaxfsi run case.toml                    results in case-results/, report.html first
+  jaxfsi mesh case.toml                   mesh of blood and wall, with pictures
+  jaxfsi show case-results                what was found, in the terminal
+
+exit status: 0 done, 1 the computation failed, 2 the input was refused, 130 interrupted.
+Compiled code is kept in the user's cache folder; {VARIABLE} names another folder, or off.
+"""
+
+HELP = {
+    "run": (
+        "calibrate a patient at rest, predict every condition, write a report",
+        """\
+examples:
+  jaxfsi run case.toml
+  jaxfsi run --demo --out results
+  jaxfsi run case.toml --json > summary.json
+
+writes result.json and report.html into the output folder. --mesh adds a coarse mesh of the first
+state and shows it in the report; --demo does so too unless --no-mesh is given.
+""",
+    ),
+    "calibrate": (
+        "find alpha, the scale of the outlet's resistances, from the resting ratio",
+        """\
+examples:
+  jaxfsi calibrate case.toml
+  jaxfsi calibrate case.toml --json
+
+needs [condition.rest] with ffr, and R0 or an ivus anatomy; writes calibration.json.
+""",
+    ),
+    "sweep": (
+        "ratios and flows over a range of alpha",
+        """\
+examples:
+  jaxfsi sweep case.toml --alpha 0.01:10:200
+  jaxfsi sweep case.toml --alpha 0.05:1:50 --condition dobutamine --rule all
+
+alpha runs in equal ratios from FROM to TO; writes sweep.json, sweep.csv and sweep.svg.
+""",
+    ),
+    "mesh": (
+        "make a labelled mesh of blood and wall that share their nodes",
+        """\
+examples:
+  jaxfsi mesh case.toml                                     first state, preset of the case
+  jaxfsi mesh case.toml --state all --preset medium
+  jaxfsi mesh case.toml --elements-across 8 --format vtu,folder
+  jaxfsi mesh --demo --out results
+
+writes the mesh in each format, mesh.json with all its numbers, mesh.html and its pictures. A mesh
+that was made before comes from the cache.
+""",
+    ),
+    "simulate": (
+        "run blood and wall in 3D, with the circulation behind every outlet",
+        """\
+examples:
+  jaxfsi simulate case.toml                          rest, as many cycles as the case says
+  jaxfsi simulate case.toml --condition dobutamine --preset coarse
+  jaxfsi simulate case.toml --rigid --cycles 1
+  jaxfsi simulate --demo --preset coarse --cycles 0.05
+
+needs an anatomy and the cardiac output. Writes fields/fields.pvd (open it in ParaView, also while
+the run goes on; Warp By Vector with displacement_cm moves the points), history.csv, shear.vtu,
+simulation.json and simulation.html. A run that was ended goes on when the same command is given
+again (its input is compared by hash); --restart starts anew and moves the files of the earlier run
+to the sub-folder earlier-1 (then earlier-2, ...). Ctrl-C keeps all whole chunks of ten steps.
+""",
+    ),
+    "study": (
+        "algorithm 1 in 3D: ramp, calibration in the loop, rest and stress",
+        """\
+examples:
+  jaxfsi study case.toml --preset coarse             everything, one cycle each
+  jaxfsi study case.toml --cycles 4 --continued      four cycles at rest, then four under stress
+  jaxfsi study case.toml --rules printed,all --nominal
+  jaxfsi study case.toml --sensitivities dobutamine  and which piece of the lumen moves FFR
+  jaxfsi study --demo --quick --out results          the bundled patient in about five minutes
+
+needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,
+pictures, stages/ and the fields of every run below runs/. Given again, the command goes on where it
+was ended; what does not follow from a changed input is not computed again.
+""",
+    ),
+    "cohort": (
+        "many cases side by side, and how predicted and measured ratios agree",
+        """\
+examples:
+  jaxfsi cohort patients/                        in 0D, with the curve of each artery
+  jaxfsi cohort patients/ --mode 3d --workers 2 -- --preset coarse --nominal --rules printed,all
+  jaxfsi cohort --demo --out results             the ten virtual children that come with the package
+
+DIR holds NAME/case.toml or NAME.toml for each patient. What stands behind -- goes to the command of
+each case (run in mode curve, study in mode 3d). Each runs in a process of its own; one that fails
+does not stop the others. Given again, the command goes on with those that are not finished. Writes
+cohort.html, cohort.json and a folder with the report of each case.
+""",
+    ),
+    "diagnose": (
+        "say where simulation and measurement differ, which effect causes it, how far it shrinks",
+        """\
+examples:
+  jaxfsi diagnose record                       a folder with record.toml
+  jaxfsi diagnose record --case case.toml      R0 from the patient's case
+  jaxfsi diagnose record --case case-results   the ramp's curve from a finished study
+  jaxfsi diagnose record --case case-results --in-3d   the gap in the FSI model as well
+  jaxfsi diagnose record --richness means      use no more than means of the record
+
+writes diagnosis.json and diagnosis.html. Conditions with held_out = true are predicted and only
+then compared. With --in-3d every condition is run in the FSI model too, as calibrated and with the
+named effect; the runs are kept in in-3d/, and the command given again goes on where it was ended.
+""",
+    ),
+    "plan-measurement": (
+        "say which measurement would tell the likely causes apart",
+        """\
+examples:
+  jaxfsi plan-measurement record
+
+also says which effects each set of sensors could show at all in the conditions of the record; a
+record without any data is enough for that. Writes plan.json.
+""",
+    ),
+    "show": (
+        "print a stored result or its JSON Schema; with --out, write its report again",
+        """\
+examples:
+  jaxfsi show case-results
+  jaxfsi show case-results/result.json --json
+  jaxfsi show case-results --out elsewhere
+  jaxfsi show --schema study                    what the keys of study.json mean, with units
+""",
+    ),
+    "template": (
+        "print a commented case file or record to start from",
+        """\
+examples:
+  jaxfsi template > case.toml
+  jaxfsi template --out new-patient             writes new-patient/case.toml
+  jaxfsi template --record --out new-record     writes new-record/record.toml and rest.csv
+  jaxfsi template --schema > case.schema.json   what an editor checks a case file with
+
+a case is what is known of a patient, for run and study; a record is what was measured, for
+diagnose.
+""",
+    ),
+}
+"""What each command does in a line, and at length."""

@@ -238,7 +238,10 @@ def _motion(context: RunContext, anatomy: Anatomy, runs: Sequence[Run3D]) -> dic
             motion = lumen_motion(folder, entries, context.mesh, anatomy, period)
             return {} if motion is None else as_json(motion_part(motion))
 
-        stored = context.stages.value(f"motion-{run.id}", key, compute)
-        if stored:
-            found[run.id] = from_json(MotionPart, stored)
+        def read(kept: Any) -> MotionPart | None:
+            return from_json(MotionPart, kept) if kept else None
+
+        motion = context.stages.value(f"motion-{run.id}", key, compute, read)
+        if motion is not None:
+            found[run.id] = motion
     return found

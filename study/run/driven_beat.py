@@ -9,7 +9,7 @@ starts at rest: the first quarter of a beat is run and forgotten, the beat after
 import dataclasses
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -119,8 +119,11 @@ def driven_beat(context: RunContext, folder: str, drive: Drive) -> Beat:
         return {name: [float(f"{v:.7g}") for v in wave] for name, wave in beat._asdict().items()}
 
     stage = stage_key("reading", key, context.site)
-    kept = context.stages.value(f"beat-{folder}", stage, compute)
-    return Beat(**{name: np.array(wave) for name, wave in kept.items()})
+
+    def read(kept: Mapping[str, Sequence[float]]) -> Beat:
+        return Beat(**{name: np.array(wave, float) for name, wave in kept.items()})
+
+    return context.stages.value(f"beat-{folder}", stage, compute, read)
 
 
 def drive_key(context: RunContext, drive: Drive) -> str:

@@ -145,7 +145,7 @@ def fsi_run(context: RunContext, run: PlannedRun, *, before: PlannedRun | None =
         return as_json(run_result(context, setup, outcome, run))
 
     stage = stage_key("reading", key, context.site)
-    return stored_run(context.stages.value(f"run-{name}", stage, compute), run)
+    return context.stages.value(f"run-{name}", stage, compute, lambda kept: stored_run(kept, run))
 
 
 def setup_of(context: RunContext, run: PlannedRun) -> Setup:

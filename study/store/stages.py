@@ -6,6 +6,7 @@ JSON (arrays through NPZ) also when they are fresh, so that an interrupted compu
 same numbers as one that ran through. Beside each stands when it was made, and by which code.
 """
 
+import contextlib
 import dataclasses
 import hashlib
 import io
@@ -13,7 +14,7 @@ import json
 import os
 import pathlib
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -25,6 +26,8 @@ from study.store.provenance import made_now
 
 FORMAT = 2
 """Part of every hash; grows when a stage changes its meaning."""
+
+Read = TypeVar("Read")
 
 _MADE, _KEY = "made", "key"
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, RecursionError)
@@ -111,16 +114,27 @@ class Stages:
         except _DAMAGE:
             return None
 
-    def value(self, name: str, key: str, compute: Callable[[], Any]) -> Any:
+    def value(
+        self,
+        name: str,
+        key: str,
+        compute: Callable[[], Any],
+        read: Callable[[Any], Read] = lambda value: value,
+    ) -> Read:
         """A value that JSON can hold, None and false among them: kept, or computed and kept.
 
         Args:
             name: of the stage, fit for a file name.
             key: hash of its inputs, see `stage_key`.
             compute: gives it.
+            read: makes what is returned of what JSON holds; a kept value that it refuses is
+                damaged and computed again.
         """
         found = self.known(name, key)
-        return self.keep(name, key, compute()) if found is None else found.value
+        if found is not None:
+            with contextlib.suppress(*_DAMAGE):
+                return read(found.value)
+        return read(self.keep(name, key, compute()))
 
     def keep(self, name: str, key: str, value: Any, made: Mapping[str, Any] | None = None) -> Any:
         """Keep a value; gives it as it comes back from JSON.

@@ -97,6 +97,10 @@ def trials(count: int, seed: int, only: tuple[str, ...] = ()) -> Iterator[Trial]
                 yield trial
 
 
+_NOT_READ = ("walls_combined.vtp", "mesh-complete.exterior.vtp")
+"""Files of a folder that repeat what others say, for other programs."""
+
+
 def good_trials() -> Iterator[tuple[str, Trial]]:
     """The good geometries themselves, by format."""
     for form in (*FORMATS, *WRITERS, "contours"):
@@ -137,6 +141,8 @@ def _octets(rng: random.Random, form: str, name: str) -> Trial | None:
         expected = "either"
     optional = (form == "contours" and target == "frames.csv") or form == "folder"
     if name in ("empty",) and isinstance(content, bytes) and (optional or content):
+        expected = "either"
+    if target.endswith(_NOT_READ):
         expected = "either"
     if isinstance(content, Folder) and form == "folder":
         return None

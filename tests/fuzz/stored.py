@@ -84,7 +84,7 @@ def structured(
             "refused",
         ),
         "format": (
-            _text({**document, "format": rng.choice(["jaxfsi 2", 1, None, "x"])}),
+            _text({**document, "format": rng.choice(["jaxfsi 999", 1, None, "x"])}),
             "format",
             "refused",
         ),

@@ -165,3 +165,14 @@ def test_stage_is_computed_again_in_another_precision_or_on_another_device(tmp_p
     assert _kept(tmp_path) == 1
     monkeypatch.setattr(numerics, "arithmetic", lambda: "32 bits, gpu")
     assert _kept(tmp_path) == 1
+
+
+def test_kept_value_that_cannot_be_read_is_computed_again(tmp_path):
+    stages = Stages(tmp_path)
+    stages.keep("run", "key", {"alpha": "none"})
+
+    def read(value):
+        return float(value["alpha"])
+
+    assert stages.value("run", "key", lambda: {"alpha": 0.1}, read) == 0.1
+    assert stages.value("run", "key", lambda: pytest.fail("computed"), read) == 0.1

@@ -21,7 +21,7 @@ from jaxfsi.anatomy import (
     synthetic_anatomy,
 )
 from jaxfsi.mesh import tet_volumes
-from jaxfsi.meshing.build import MeshResult, build_mesh
+from jaxfsi.meshing.build import LEAST_DIHEDRAL_DEG, MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
 from lumped.units import MM
 from study import demo_case_path, read_case
@@ -34,7 +34,6 @@ EACH = 5
 
 STAGES = ("sampling", "sizes", "remeshing", "closing", "filling", "checking")
 
-LEAST_DIHEDRAL_DEG = 5.0
 SEPTUM_ERROR = 0.10
 AREA_ERROR = 0.03
 SECONDS = {"coarse": 25.0, "medium": 60.0, "fine": 240.0}

@@ -34,7 +34,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 from calibration.damping import FIRST_GROWTH, next_damping
 
 RANK_TOLERANCE = 1e-8
-"""Singular values below this share of the largest count as zero."""
+"""Singular values below this share of the largest count as zero (round-off leaves 1e-15)."""
 
 ROUND_OFF = 1e-14
 """Change of the cost, as a share of it, that says nothing."""

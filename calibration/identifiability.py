@@ -17,11 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from calibration.gauss_newton import RANK_TOLERANCE
 from lumped import Condition, Shooting, Surrogate, mean_state, pressure_ratio
 from lumped.parameters import Parameter
-
-RANK_TOLERANCE = 1e-8
-"""Singular values below this share of the largest count as zero (round-off leaves 1e-15)."""
 
 PRESENT = 1e-6
 """Components of a unit direction below this size count as zero."""

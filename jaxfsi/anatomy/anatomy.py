@@ -15,6 +15,15 @@ from jaxtyping import Float
 
 from jaxfsi.opening import Opening
 
+OVERRUN = 0.5
+"""Length by which vessels run on beyond their openings [cm]."""
+
+MARGIN = 0.3
+"""Distance of the bounds from what they hold [cm]."""
+
+OPENING_BALL = 1.15
+"""Radius of the ball of an opening over that of the vessel with its wall."""
+
 PointFunction = Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, " points"]]
 
 

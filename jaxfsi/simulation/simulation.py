@@ -16,6 +16,7 @@ from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
 from jaxfsi.core.step.step import RESULTS
 from jaxfsi.core.step.stepper import Stepper, prepare
+from jaxfsi.nominal import CHECKPOINT_EVERY, MAX_GMRES
 from jaxfsi.simulation.checkpoint import (
     Checkpoint,
     CheckpointError,
@@ -49,7 +50,7 @@ class SolverChoice:
 
     rho_infinity: float = 0.5
     tolerance: float = 1e-3
-    max_linear: int = 40
+    max_linear: int = MAX_GMRES
     max_nonlinear: int = 6
 
 
@@ -130,7 +131,7 @@ def simulate(
     solver: SolverChoice | None = None,
     observers: Sequence[AbstractObserver] = (),
     checkpoint: pathlib.Path | None = None,
-    checkpoint_every: int = 100,
+    checkpoint_every: int = CHECKPOINT_EVERY,
     progress: Callable[[ProgressRecord], None] | None = None,
     numerics: str = "",
 ) -> Simulation:

@@ -13,6 +13,8 @@ the fields a little.
 import dataclasses
 from typing import NamedTuple
 
+from jaxfsi.nominal import MAX_HALVINGS
+
 _MARGIN = 10.0
 
 
@@ -27,7 +29,7 @@ class StepControl:
             start of ejection; 0.1 is rough.
     """
 
-    max_halvings: int = 4
+    max_halvings: int = MAX_HALVINGS
     good_steps: int = 8
     change_limit: float | None = None
 

@@ -8,6 +8,15 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic.dataclasses import dataclass
 
+from jaxfsi.nominal import (
+    BLOOD_DENSITY,
+    BLOOD_VISCOSITY,
+    CHECKPOINT_EVERY,
+    CHO_KENSEY,
+    MAX_GMRES,
+    MAX_HALVINGS,
+    WALL_DENSITY,
+)
 from lumped.nominal import C0_NOMINAL, NOMINAL
 from study.case.schema import Number, Quantity, Word
 
@@ -44,31 +53,31 @@ class BloodParameters:
             "viscosity", "poise", 0.008, 0.2, name="viscosity",
             text="viscosity; under the Carreau-Yasuda law it counts in 0D alone",
         ),
-    ] = 0.04  # fmt: skip
+    ] = BLOOD_VISCOSITY  # fmt: skip
     rho_f: Annotated[
         Number, Quantity("density", "g_per_cm3", 0.8, 1.3, name="density", text="density")
-    ] = 1.06
+    ] = BLOOD_DENSITY
     law: Annotated[
         Literal["newtonian", "carreau_yasuda"], Word(text="viscosity of the blood in 3D")
     ] = "newtonian"
     mu_zero: Annotated[
         Number, Quantity("viscosity", "poise", 0.02, 10.0, name="mu_0", text="at rest")
-    ] = 0.56
+    ] = CHO_KENSEY["mu_zero"]
     mu_infinite: Annotated[
         Number,
         Quantity(
             "viscosity", "poise", 0.008, 0.2, name="mu_inf", text="at a high shear rate"
         ),
-    ] = 0.0345  # fmt: skip
+    ] = CHO_KENSEY["mu_infinite"]  # fmt: skip
     relaxation_time: Annotated[
         Number, Quantity("time", "s", 1.0e-3, 100.0, name="lambda", text="relaxation time")
-    ] = 1.902
+    ] = CHO_KENSEY["relaxation_time"]
     transition: Annotated[
         Number, Quantity("number", "", 0.1, 10.0, name="a", text="how sharp the transition is")
-    ] = 1.25
+    ] = CHO_KENSEY["transition"]
     exponent: Annotated[
         Number, Quantity("number", "", 0.0, 1.0, name="n", text="exponent of the power law")
-    ] = 0.22
+    ] = CHO_KENSEY["exponent"]
 
 
 @dataclass(frozen=True)
@@ -105,7 +114,7 @@ class WallParameters:
     ] = 0.49  # fmt: skip
     rho_s: Annotated[
         Number, Quantity("density", "g_per_cm3", 0.5, 3.0, name="density", text="density")
-    ] = 1.0
+    ] = WALL_DENSITY
     material: Annotated[
         Literal["linear", "saint_venant_kirchhoff", "neo_hookean"], Word(text="elastic law in 3D")
     ] = "saint_venant_kirchhoff"
@@ -289,7 +298,7 @@ class SolverOptions:
     checkpoint_every: Annotated[
         int,
         Quantity("number", "", 1.0, 1.0e6, whole=True, text="3D: steps between two checkpoints"),
-    ] = 100
+    ] = CHECKPOINT_EVERY
     tolerance: Annotated[
         float | None,
         Quantity(
@@ -303,7 +312,7 @@ class SolverOptions:
             "number", "", 0.0, 12.0, whole=True,
             text="3D: how often a step that fails may be halved",
         ),
-    ] = 4  # fmt: skip
+    ] = MAX_HALVINGS  # fmt: skip
     change_limit: Annotated[
         float | None,
         Quantity(
@@ -330,7 +339,7 @@ class SolverOptions:
             "number", "", 1.0, 1000.0, whole=True,
             text="3D: iterations of GMRES in a system at most",
         ),
-    ] = 40  # fmt: skip
+    ] = MAX_GMRES  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from study.case.laws import CARREAU_YASUDA
 from study.case.model import Case
+from study.case.parameters import WallParameters
 
 
 def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:
@@ -16,6 +17,8 @@ def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:
         )
     if rigid:
         return
+    if wall.material != WallParameters.material:
+        yield f"the elastic law of the wall is {wall.material}"
     if wall.damping:
         yield f"the wall is viscoelastic (Kelvin-Voigt), with {wall.damping:g} poise"
     if wall.volumetric_penalty:

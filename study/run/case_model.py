@@ -25,11 +25,13 @@ from study.case.model import Case
 from study.case.parameters import BloodParameters, WallParameters
 
 MATERIALS = {
-    "linear": LinearElastic,
-    "saint_venant_kirchhoff": SaintVenantKirchhoff,
-    "neo_hookean": NeoHookean,
+    "linear": lambda wall: LinearElastic(wall.E, wall.nu),
+    "saint_venant_kirchhoff": lambda wall: SaintVenantKirchhoff(
+        wall.E, wall.nu, wall.volumetric_penalty
+    ),
+    "neo_hookean": lambda wall: NeoHookean(wall.E, wall.nu),
 }
-"""Elastic laws of the wall by name."""
+"""Elastic laws of the wall by name, from its parameters."""
 
 VISCOSITIES = {
     "newtonian": lambda blood: Newtonian(blood.mu),
@@ -51,9 +53,8 @@ def blood_of(blood: BloodParameters) -> Blood:
 
 def wall_of(wall: WallParameters) -> Wall:
     """The wall of a model, with the tissue outside."""
-    penalty = (wall.volumetric_penalty,) if wall.material == "saint_venant_kirchhoff" else ()
     return Wall(
-        MATERIALS[wall.material](wall.E, wall.nu, *penalty),
+        MATERIALS[wall.material](wall),
         rho_s=wall.rho_s,
         damping=wall.damping,
         support_stiffness=wall.tissue.stiffness,

@@ -65,8 +65,9 @@ PARTS: dict[str, tuple[str, ...]] = {
         "study/run/patient.py", "study/report/readings.py",
     ),
     "march": (
-        "jaxfsi/core/*", "jaxfsi/fields/*", "jaxfsi/simulation/*", "study/run/driven_beat.py",
-        "study/run/case_model.py", "study/run/fitted_ramp.py", "study/run/run_3d.py",
+        "jaxfsi/core/*", "jaxfsi/fields/*", "jaxfsi/nominal.py", "jaxfsi/simulation/*",
+        "study/run/driven_beat.py", "study/run/case_model.py", "study/run/fitted_ramp.py",
+        "study/run/run_3d.py",
         "study/run/ramp.py", "study/run/setup.py", "study/run/simulation.py",
         "study/run/study_choice.py", "study/run/study_parts.py",
     ),
@@ -82,6 +83,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "calibration": ("calibration/*",),
     "case": (
+        "jaxfsi/nominal.py",
         "study/case/anatomy*", "study/case/beat*", "study/case/combinations.py",
         "study/case/condition.py", "study/case/laws.py", "study/case/losses_table.py",
         "study/case/model.py", "study/case/ostium.py", "study/case/parameters.py",

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.anatomy import MARGIN, OPENING_BALL, OVERRUN, Anatomy, Centerline, Opening
 from jaxfsi.anatomy.curves.curve import Curve, at_arc_length, curve_through
 from jaxfsi.anatomy.curves.loft import eccentric_sections, lofted
 from jaxfsi.anatomy.implicit import elliptic_contours, tube
@@ -38,9 +38,6 @@ _N_ANGLES = 96
 _AORTA_RADII = (0.3, 3.0)  # newborn to aneurysm [cm]
 _LINE_SPACING = 0.0125  # of the points of centre lines [cm]
 _AORTA_SPACING = 0.1
-_OVERRUN = 0.5  # by which vessels run on beyond their openings [cm]
-_MARGIN = 0.3  # of the bounds beyond the openings [cm]
-_BALL = 1.15  # radius of an opening's ball over that of the vessel with its wall
 _LEAST_BLEND = 0.01
 _BLEND_DECAY = 0.15
 
@@ -152,7 +149,7 @@ def ivus_anatomy(
         take_off_angle_deg=options.take_off_angle_deg,
         extension=options.distal_extension,
         clearance=aorta_radius + t_aorta + _outlet_radius(pullback, options),
-        overrun=_OVERRUN,
+        overrun=OVERRUN,
     )
     coronary = _coronary(pullback, course, options)
     return _assembled(pullback, fit, course, coronary, aorta_radius, options, state)
@@ -186,7 +183,7 @@ def _outlet_radius(pullback: Pullback, options: IvusOptions) -> float:
     section = pullback.sections[-1]
     radius = np.sqrt(polygon_areas(section[None]) / np.pi)
     reach = float(np.max(np.linalg.norm(section, axis=1)))
-    return _BALL * (reach + float(options.thickness(radius)[0]))
+    return OPENING_BALL * (reach + float(options.thickness(radius)[0]))
 
 
 def _coronary(pullback: Pullback, course: CoronaryCourse, options: IvusOptions) -> Vessel:
@@ -204,7 +201,7 @@ def _coronary(pullback: Pullback, course: CoronaryCourse, options: IvusOptions) 
 
 
 def _aorta(radius: float, below: float, above: float, options: IvusOptions) -> Vessel:
-    ends = np.array([[0.0, 0.0, -below - _OVERRUN], [0.0, 0.0, above + _OVERRUN]])
+    ends = np.array([[0.0, 0.0, -below - OVERRUN], [0.0, 0.0, above + OVERRUN]])
     axis = curve_through(ends, _AORTA_SPACING)
     radii = np.full(len(axis.s), radius)
     contours = elliptic_contours(radii, radii, _N_ANGLES)
@@ -236,7 +233,7 @@ def _assembled(
     axis = coronary.tube.axis
     reach = coronary.tube.radius + coronary.thickness
     t_aorta = float(options.thickness(np.array([aorta_radius]))[0])
-    ball = _BALL * (aorta_radius + t_aorta)
+    ball = OPENING_BALL * (aorta_radius + t_aorta)
     outside = between(axis, 0.0, np.inf)
     outer = reach[axis.s >= 0.0]
     below = _clear_length(options.aorta_below, -1.0, ball, outside, outer)
@@ -250,11 +247,11 @@ def _assembled(
         Opening("aorta_outlet", above * up, up, ball),
         Opening("anomalous_outlet", end[0], tangent[0], _outlet_radius(pullback, options)),
     )
-    half = aorta_radius + t_aorta + _MARGIN / 2.0
-    low = np.array([-half, -half, -below - _MARGIN])
-    high = np.array([half, half, above + _MARGIN])
-    kept = (axis.s >= 0.0) & (axis.s <= course.s_outlet + _MARGIN)
-    spread = (reach[kept] + _MARGIN / 2.0)[:, None]
+    half = aorta_radius + t_aorta + MARGIN / 2.0
+    low = np.array([-half, -half, -below - MARGIN])
+    high = np.array([half, half, above + MARGIN])
+    kept = (axis.s >= 0.0) & (axis.s <= course.s_outlet + MARGIN)
+    spread = (reach[kept] + MARGIN / 2.0)[:, None]
     bounds = np.stack(
         [
             np.minimum(low, np.min(axis.points[kept] - spread, axis=0)),

@@ -18,7 +18,7 @@ import scipy.sparse
 import scipy.spatial
 from jaxtyping import Bool, Float
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.anatomy import MARGIN, OPENING_BALL, OVERRUN, Anatomy, Centerline, Opening
 from jaxfsi.anatomy.sources.ct_course import smoothed
 from jaxfsi.anatomy.surfaces.crossings import crossing_faces
 from jaxfsi.anatomy.surfaces.edits import (
@@ -52,13 +52,10 @@ from jaxfsi.opening import canonically_ordered
 Unit = Literal["mm", "cm", "m"]
 
 _CM: dict[str, float] = {"mm": 0.1, "cm": 1.0, "m": 100.0}
-_OVERRUN = 0.5  # of vessels beyond their ends [cm]
 _LONG = 2.0  # of the continuations for radii, over the radius
 _LARGEST = 300.0  # from the middle of the surface to its farthest corner [cm]
 _LONGEST = 3.0  # edge over the median one
 _CROSSING = 1e-9  # of the cube of the longest edge, beyond which triangles cross
-_MARGIN = 0.3
-_BALL = 1.15  # radius of an opening over that of the vessel with its wall
 _OWN = 1.5  # way over the surface from an end to what belongs to it, over the radius of its ball
 _AORTA_RADIUS = (0.3, 4.0)
 _CORONARY_RADIUS = (0.03, 0.6)
@@ -141,7 +138,7 @@ def surface_anatomy(
     _check_ends(ends, names or {}, cuts or {}, options, unit)
     smooth, longest = _smooth(body, ends, options.smoothing_steps)
     ends = ends_of(smooth)
-    closed = refined(extended_and_closed(smooth, ends, _OVERRUN, step=longest), longest)
+    closed = refined(extended_and_closed(smooth, ends, OVERRUN, step=longest), longest)
     radius = _radius(smooth, ends, closed, longest)
     thickness = _thickness(closed, radius, ends, options)
     walled = walled_surface(closed, radius, thickness)
@@ -297,7 +294,7 @@ def _openings(
     graph = scipy.sparse.csr_array((length, (edges[:, 0], edges[:, 1])), shape=(n, n))
     openings = []
     for name, end in named.items():
-        ball = _BALL * (_reach(surface.points, end) + float(np.max(thickness[end.loop])))
+        ball = OPENING_BALL * (_reach(surface.points, end) + float(np.max(thickness[end.loop])))
         away = np.linalg.norm(surface.points - end.centre, axis=1) - thickness
         along = scipy.sparse.csgraph.dijkstra(
             graph, directed=False, indices=end.loop, min_only=True, limit=_OWN * ball
@@ -324,13 +321,13 @@ def _cut_openings(
                 f"the cut {name!r} has no direction or its centre lies outside the lumen. Give a"
                 " point inside the vessel, in the unit of the surface."
             )
-        ball = _BALL * (scale * cut.radius + float(local_thickness(walled, centre[None])[0]))
+        ball = OPENING_BALL * (scale * cut.radius + float(local_thickness(walled, centre[None])[0]))
         openings.append(Opening(name, centre, normal / np.linalg.norm(normal), ball))
     return tuple(openings)
 
 
 def _bounds(surface: Triangles, thickness: float) -> Float[np.ndarray, "2 3"]:
-    margin = thickness + _MARGIN
+    margin = thickness + MARGIN
     return np.stack([surface.points.min(axis=0) - margin, surface.points.max(axis=0) + margin])
 
 

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
-from jaxfsi.anatomy.anatomy import Anatomy, Centerline, Opening
+from jaxfsi.anatomy.anatomy import OPENING_BALL, Anatomy, Centerline, Opening
 from jaxfsi.anatomy.curves.curve import Curve, at_arc_length
 from jaxfsi.anatomy.implicit import Tube, tube
 from jaxfsi.anatomy.sources.aorta import aorta_radius, aorta_tube, end_margin
@@ -28,7 +28,6 @@ NORMAL_OUTLET = "normal_outlet"
 _TIP_BLEND = 1.5  # blend radius at the tip of the septum, over the septum
 _FAR_BLEND = 0.3  # blend radius along the septum, over the septum
 _NORMAL_BLEND = 0.08
-_BALL = 1.15
 
 
 def _thickness(
@@ -78,7 +77,7 @@ def _opening(
     """A cut across a vessel that runs on for a margin; outwards is away from the axis' middle."""
     centre, tangent, _, _ = (x[0] for x in at_arc_length(axis, np.array([s])))
     outwards = 1.0 if s > (axis.s[0] + axis.s[-1]) / 2.0 else -1.0
-    ball = _BALL * float(np.hypot(radius + thickness, margin + thickness))
+    ball = OPENING_BALL * float(np.hypot(radius + thickness, margin + thickness))
     return Opening(name, centre, outwards * tangent, ball)
 
 

@@ -37,6 +37,7 @@ from jaxfsi.core.elements.linear import (
     vector_corners,
 )
 from jaxfsi.core.laws.viscosity import AbstractViscosity, Newtonian
+from jaxfsi.nominal import BLOOD_DENSITY
 from lumped.parameters import Parameter, parameter
 
 
@@ -49,7 +50,7 @@ class Blood(eqx.Module):
         transient_continuity: whether τ_C = 1/(τ_M tr G), to compare with other codes (static).
     """
 
-    rho_f: Parameter = parameter(default=1.06)
+    rho_f: Parameter = parameter(default=BLOOD_DENSITY)
     viscosity: AbstractViscosity = Newtonian()
     transient_continuity: bool = eqx.field(static=True, default=False)
 

@@ -26,6 +26,7 @@ from jaxfsi.core.laws.materials import (
     product,
     transposed,
 )
+from jaxfsi.nominal import WALL_DENSITY
 from lumped.parameters import Parameter, Range, check_range, parameter
 
 
@@ -44,7 +45,7 @@ class Wall(eqx.Module):
         above=("rho_s",), least=("damping", "support_stiffness", "support_damping")
     )
     material: AbstractMaterial
-    rho_s: Parameter = parameter(default=1.0)
+    rho_s: Parameter = parameter(default=WALL_DENSITY)
     damping: Parameter = parameter(default=0.0)
     support_stiffness: Parameter = parameter(default=0.0)
     support_damping: Parameter = parameter(default=0.0)

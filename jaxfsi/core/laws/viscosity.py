@@ -14,6 +14,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxfsi.nominal import BLOOD_VISCOSITY, CHO_KENSEY
 from lumped.parameters import Parameter, parameter
 
 
@@ -32,7 +33,7 @@ class Newtonian(AbstractViscosity):
         mu: viscosity [g/(cm·s)].
     """
 
-    mu: Parameter = parameter(default=0.04)
+    mu: Parameter = parameter(default=BLOOD_VISCOSITY)
 
     def __call__(self, shear_rate: Float[Array, " n"]) -> Float[Array, " n"]:
         """Viscosity [g/(cm·s)] at shear rates [1/s]."""
@@ -50,11 +51,11 @@ class CarreauYasuda(AbstractViscosity):
         transition: a.
     """
 
-    mu_zero: Parameter = parameter(default=0.56)
-    mu_infinite: Parameter = parameter(default=0.0345)
-    relaxation_time: Parameter = parameter(default=1.902)
-    exponent: Parameter = parameter(default=0.22)
-    transition: Parameter = parameter(default=1.25)
+    mu_zero: Parameter = parameter(default=CHO_KENSEY["mu_zero"])
+    mu_infinite: Parameter = parameter(default=CHO_KENSEY["mu_infinite"])
+    relaxation_time: Parameter = parameter(default=CHO_KENSEY["relaxation_time"])
+    exponent: Parameter = parameter(default=CHO_KENSEY["exponent"])
+    transition: Parameter = parameter(default=CHO_KENSEY["transition"])
 
     def __call__(self, shear_rate: Float[Array, " n"]) -> Float[Array, " n"]:
         """Viscosity [g/(cm·s)] at shear rates [1/s]."""

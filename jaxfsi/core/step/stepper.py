@@ -8,6 +8,7 @@ from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_motion
 from jaxfsi.core.solve.preconditioner import Preconditioner, preconditioner
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
 from jaxfsi.core.step.model import Model
+from jaxfsi.nominal import MAX_GMRES
 
 
 class Stepper(eqx.Module):
@@ -38,7 +39,7 @@ def prepare(
     *,
     rho_infinity: float = 0.5,
     tolerance: float = 1e-3,
-    max_linear: int = 40,
+    max_linear: int = MAX_GMRES,
     max_nonlinear: int = 6,
 ) -> Stepper:
     """Make the factors for steps of length dt [s]; the model's numbers must be concrete.

@@ -80,7 +80,7 @@ def test_record_as_csv_has_clinical_units(plain, tube_model, tmp_path):
 
 def test_means_weigh_steps_by_length(plain):
     _, end, _, _ = plain
-    P, _Q = mean_over(end.record, 0.0)
+    P, _ = mean_over(end.record, 0.0)
     np.testing.assert_allclose(P, end.record.P_port.mean(axis=0))
     late = mean_over(end.record, 10 * DT)[1]
     np.testing.assert_allclose(late, end.record.Q_port[10:].mean(axis=0))
@@ -88,7 +88,7 @@ def test_means_weigh_steps_by_length(plain):
 
 def test_fields_are_read_back_by_vtk(plain, tube_model):
     folder, end, _, _ = plain
-    mesh, _model, _ = tube_model
+    mesh, _, _ = tube_model
     reader = pv.get_reader(folder / "fields.pvd")
     np.testing.assert_allclose(reader.time_values, [0.0, 8 * DT, 16 * DT], rtol=1e-12)
     reader.set_active_time_value(reader.time_values[-1])

@@ -12,9 +12,11 @@ from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from jaxfsi.simulation import SolverChoice
+from study.case.parameters import BloodParameters, WallParameters
 from study.case.read import read_case
+from study.case.schema import Word, keys_of
 from study.run.anatomy_source import case_mesh
-from study.run.case_model import blood_of, wall_of
+from study.run.case_model import MATERIALS, VISCOSITIES, blood_of, wall_of
 from study.run.setup import plan_steps, prepare_simulation
 from study.run.simulation import solver_choice
 
@@ -146,3 +148,14 @@ def test_thicker_blood_loses_more_pressure(ended):
     # the lumen is a hexagon of four elements along the axis
     assert drops[1] == pytest.approx(8.0 * 9.0 * 1.0 / (np.pi * 0.2**4), rel=0.15)
     assert drops[1] > 5.0 * abs(drops[0])  # the blood of 0.04 poise is led by its inertia
+
+
+@pytest.mark.parametrize(
+    ("of", "name", "laws"),
+    [(WallParameters, "material", MATERIALS), (BloodParameters, "law", VISCOSITIES)],
+    ids=["wall", "blood"],
+)
+def test_every_law_that_a_case_may_name_is_known(of, name, laws):
+    (key,) = (key for key in keys_of(of) if key.name == name)
+    assert isinstance(key, Word)
+    assert set(key.options) == laws.keys()

@@ -1,19 +1,21 @@
 """Elastic laws: small strains, energy, objectivity, closed forms."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
+from jaxfsi.core.laws.materials import (
+    LOCAL_LAME_RATIO,
+    LinearElastic,
+    NeoHookean,
+    SaintVenantKirchhoff,
+)
 from jaxfsi.verification import ENERGIES, MATERIALS
 
 materials = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
 FINITE = {name: m for name, m in MATERIALS.items() if not isinstance(m, LinearElastic)}
-
-
-def _stress(material, F):
-    return jnp.asarray(material.stress(F))
 
 
 def _deformations(n: int = 6) -> jnp.ndarray:
@@ -22,7 +24,7 @@ def _deformations(n: int = 6) -> jnp.ndarray:
     return jnp.asarray(np.eye(3)[:, :, None] + 0.15 * rng.standard_normal((3, 3, n)))
 
 
-@pytest.mark.parametrize("law", [LinearElastic, SaintVenantKirchhoff, NeoHookean])
+@pytest.mark.parametrize("law", dict.fromkeys(map(type, MATERIALS.values())))
 def test_constants_without_a_finite_positive_stiffness_are_refused(law):
     for E in (-1e6, 0.0, np.nan, np.array([1e6, -1e6])):
         with pytest.raises(ValueError, match=r"E = .* must be finite and positive"):
@@ -71,6 +73,25 @@ def test_stress_is_the_derivative_of_the_stored_energy(material):
     # Round-off on moduli of 1e6 to 5e7 dyn/cm².
     np.testing.assert_allclose(
         _stress(material, F), expected, rtol=1e-10, atol=1e-9 * float(material.moduli[0])
+    )
+
+
+@materials
+def test_split_law_and_what_acts_on_volumes_are_the_whole_law(material):
+    stiff = eqx.tree_at(lambda m: m.nu, material, jnp.asarray(0.49))
+    F = _deformations()
+    law, moduli = stiff.split()
+    lam, G = law.moduli
+    assert float(lam) <= LOCAL_LAME_RATIO * float(G) * (1.0 + 1e-12)
+    assert max(map(float, moduli)) > 0.0
+    volumes = stiff.volumes(F)
+    parts = [
+        k * U(q.value) * jnp.stack([jnp.stack(list(row)) for row in q.slope])
+        for k, U, q in zip(moduli, stiff.responses, volumes, strict=True)
+    ]
+    # Round-off on moduli of 5e7 dyn/cm².
+    np.testing.assert_allclose(
+        _stress(law, F) + sum(parts), _stress(stiff, F), atol=1e-12 * float(stiff.moduli[0])
     )
 
 

@@ -54,11 +54,15 @@ PORTS = {
     "resistance and inertance": ResistanceInertancePort(R=200.0, L=5.0, P_ref=100.0),
 }
 
+NONLINEAR: frozenset[str] = frozenset()
+"""Those of `PORTS` whose P_offset and Z depend on the flow at which they are linearised."""
+
 
 class Case:
     """A rigid tube with the port at its inlet and a pulsating pressure at its outlet."""
 
-    def __init__(self, port):
+    def __init__(self, port, *, linear=True):
+        self.linear = linear
         self.mesh = tube(
             radius=RADIUS, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=0
         )
@@ -77,7 +81,7 @@ class Case:
 
 @pytest.fixture(scope="module", params=sorted(PORTS))
 def case(request):
-    return Case(PORTS[request.param])
+    return Case(PORTS[request.param], linear=request.param not in NONLINEAR)
 
 
 @pytest.fixture(scope="module")
@@ -146,12 +150,21 @@ def test_tangent_is_the_derivative_of_the_load(case, end):
     np.testing.assert_allclose(found, difference, rtol=0, atol=1e-10 * size)
 
 
-def test_pressure_of_a_step_is_linear_in_the_flow_where_it_is_given(case, end):
-    """P_offset and Z are the same at any flow: the ports of the registry are linear."""
+def test_pressure_is_tangent_to_the_law_at_the_flow_where_it_is_linearised(case, end):
+    """Z is dP/dQ of P = P_offset + Z Q, each taken at that flow; of linear laws at every flow."""
     step, u, v = _in_a_step(case, end)
     port, surface = case.model.ports[0], case.model.surfaces[0]
     before = end.port_states[0]
-    for field in (u, v):
+
+    def pressure(field):
+        found = port.linearise(end.t, DT, before, field, step.x, surface, METHOD)
+        P = found.P_offset + found.Z * flux(field, step.x, surface.faces)
+        return jnp.asarray(P, float), found.Z
+
+    (_, Z), (change, _) = jax.jvp(pressure, (u,), (v,))
+    wanted = float(Z * flux(v, step.x, surface.faces))
+    np.testing.assert_allclose(float(change), wanted, rtol=1e-12, atol=1e-12 * abs(float(Z)))
+    for field in (u, v) if case.linear else ():
         found = port.linearise(end.t, DT, before, field, step.x, surface, METHOD)
         np.testing.assert_allclose(float(found.P_offset), float(step.P_offset[0]), rtol=1e-12)
         np.testing.assert_allclose(float(found.Z), float(step.Z[0]), rtol=1e-12)

@@ -21,7 +21,8 @@ from study.run.mesh import mesh_state
 from study.run.progress import Progress
 from study.run.ramp import ramp_record
 from study.run.results import PlannedRun, RunId
-from study.run.run_3d import RunContext, fsi_run
+from study.run.run_3d import fsi_run
+from study.run.run_context import RunContext
 from study.run.study_choice import RampChoice, RunChoice
 from study.run.study_options import QUICK_RATE, QUICK_TOLERANCE
 from study.store.meshes import mesh_key

@@ -34,9 +34,10 @@ from study import demo_case_path, read_case
 from study.run.anatomy_source import case_anatomy, states_of
 from study.run.progress import Progress
 from study.run.results import PlannedRun, RunId
-from study.run.run_3d import RunContext, setup_of
+from study.run.run_3d import setup_of
+from study.run.run_context import RunContext
 from study.run.sensitivity import by_parameters, gradient_stepper, reading_of, swept_gradient
-from study.run.setup import Setup
+from study.run.simulation_data import Setup
 from study.run.study_choice import RunChoice
 from study.run.study_options import QUICK_STEP
 

@@ -40,10 +40,11 @@ if TYPE_CHECKING:
     from study.report.remarks import Note, notes, verdict
     from study.report.results import case_document
     from study.run.patient import Model, Patient, Vessel, load_patient
-    from study.run.pipeline import CaseResult, Run, run_case
+    from study.run.pipeline import run_case
     from study.run.progress import Progress
+    from study.run.reduced_results import Calibration, CaseResult, Run, Tuning
     from study.run.sweep import sweep_case
-    from study.run.tuning import Calibration, Tuning, calibrate_case
+    from study.run.tuning import calibrate_case
     from study.store.stored_document import load_document, to_json
 
 import_on_first_use(__name__)

@@ -31,7 +31,7 @@ from study.case.condition import Condition
 from study.run.driven_beat import PHASES, Beat, Drive, driven_beat, fingerprint, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress
-from study.run.run_3d import RunContext
+from study.run.run_context import RunContext
 from study.store.cache_folder import use_cache
 
 SOFT_WALL, SOFTER = "softer_wall", 0.25

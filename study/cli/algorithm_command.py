@@ -10,11 +10,11 @@ from study.run.algorithm import run_study
 from study.run.progress import Progress
 from study.run.study_context import check_study
 from study.run.study_options import study_case, study_choice
+from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import StudyOptions
-from study.store.provenance import provenance
 from study.store.result_files import STAGE_FOLDER
 
 

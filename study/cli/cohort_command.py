@@ -12,12 +12,13 @@ from study.report.cohort_results import cohort_document
 from study.run.cohort import run_cohort
 from study.run.members import Member
 from study.run.progress import Progress
+from study.store.case_inputs import inputs_of
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import CohortOptions
 from study.store.output import write_files
-from study.store.provenance import Provenance, inputs_of, made_by
+from study.store.provenance import Provenance, made_by
 from study.store.result_files import COHORT_FILE, COHORT_PAGE
 from study.store.stored_document import to_json
 

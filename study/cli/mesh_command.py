@@ -10,11 +10,11 @@ from study.report.mesh_results import embedded, mesh_document, write_meshes
 from study.report.page import html_report
 from study.run.mesh import chosen_states, mesh_states
 from study.run.progress import Progress
+from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
 from study.store.options import MeshOptions
 from study.store.output import write_files
-from study.store.provenance import provenance
 from study.store.result_files import MESH_FILE, PAGE_FILE
 from study.store.stored_document import to_json
 

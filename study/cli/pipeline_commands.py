@@ -15,12 +15,12 @@ from study.run.pipeline import run_case
 from study.run.progress import Progress
 from study.run.sweep import sweep_case, sweep_table
 from study.run.tuning import calibrate_case
+from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import CalibrateOptions, RunOptions, SweepOptions
 from study.store.output import write_files
-from study.store.provenance import provenance
 from study.store.result_files import (
     CALIBRATION_FILE,
     FIGURE_FILE,

@@ -17,12 +17,13 @@ from study.run.mesh import chosen_state, mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
 from study.run.progress import Progress
 from study.run.setup import check_simulation, plan_steps, prepare_simulation
-from study.run.simulation import STEP_NAME, Outcome, march_seconds, run_simulation
+from study.run.simulation import STEP_NAME, march_seconds, run_simulation
+from study.run.simulation_data import Outcome
+from study.store.case_inputs import provenance
 from study.store.earlier_run import can_go_on, make_way, set_run_aside
 from study.store.folder_lock import at_work
 from study.store.options import SimulateOptions
 from study.store.output import write_files
-from study.store.provenance import provenance
 from study.store.result_files import SERIES_FILE, SIMULATION_FILE, SIMULATION_PAGE
 from study.store.stored_document import to_json
 

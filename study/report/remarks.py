@@ -13,7 +13,7 @@ from lumped import ML_PER_MIN, MM, MMHG
 from study.case.laws import LINEAR, QUADRATIC
 from study.report.headline import Reading, headline
 from study.run.patient import Vessel
-from study.run.pipeline import CaseResult, Run
+from study.run.reduced_results import CaseResult, Run
 from study.run.tuning import ratio_error
 from study.store.result_names import CALIBRATED, FIXED
 

@@ -22,8 +22,7 @@ from study.report.remarks import (
     verdict,
 )
 from study.run.patient import Patient, Vessel
-from study.run.pipeline import CaseResult, Run
-from study.run.tuning import Calibration, Tuning
+from study.run.reduced_results import Calibration, CaseResult, Run, Tuning
 from study.store.document_rows import ratio_name
 from study.store.json_form import as_json
 from study.store.layouts import FORMAT

@@ -15,8 +15,8 @@ from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
 from study.report.chosen_laws import chosen_laws
 from study.report.pictures import Drawn
-from study.run.setup import Setup
-from study.run.simulation import Outcome, solver_choice
+from study.run.simulation import solver_choice
+from study.run.simulation_data import Outcome, Setup
 from study.store.document_rows import ratio_name
 from study.store.json_form import as_json
 from study.store.layouts import FORMAT

@@ -31,11 +31,13 @@ from study.run.computed_parts import computed_parts
 from study.run.fitted_ramp import fitted
 from study.run.lumen_parts import motion_part
 from study.run.mesh import planned_steps
-from study.run.pipeline import CaseResult, run_case
+from study.run.pipeline import run_case
 from study.run.progress import Progress
-from study.run.ramp import RAMP, ramp_record
+from study.run.ramp import ramp_record
+from study.run.reduced_results import CaseResult
 from study.run.results import PlannedRun, Run3D, RunId, calibrated_runs
-from study.run.run_3d import RunContext, fsi_run, run_key
+from study.run.run_3d import fsi_run, run_key
+from study.run.run_context import RunContext
 from study.run.sensitivity import run_sensitivity
 from study.run.setup import STEP
 from study.run.study_choice import StudyChoice
@@ -44,7 +46,7 @@ from study.run.study_parts import MotionPart, Sensitivity
 from study.run.study_result import StudyResult
 from study.store.json_form import as_json, from_json
 from study.store.result_files import FIELD_FOLDER
-from study.store.result_names import CURVE, LOOP, NOMINAL, PAPER
+from study.store.result_names import CURVE, LOOP, NOMINAL, PAPER, RAMP
 from study.store.stages import stage_key
 
 _SECONDS_A_STEP = 0.16

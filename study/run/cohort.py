@@ -23,8 +23,9 @@ from lumped.whole_files import write_whole
 from study.case.faults import CaseError
 from study.case.read import read_case
 from study.run.members import Member, MemberResult
+from study.store.case_inputs import input_files
 from study.store.options import Mode
-from study.store.provenance import input_files, sha256
+from study.store.provenance import sha256
 from study.store.result_files import RESULT_FILE, STUDY_FILE
 from study.store.stages import stage_key
 from study.store.stored_document import load_document

@@ -3,10 +3,10 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from study.run.ramp import RAMP
-from study.run.run_3d import RunContext
+from study.run.run_context import RunContext
 from study.run.study_parts import Code, Computed, ComputedPart
 from study.store.provenance import made_now
+from study.store.result_names import RAMP
 
 
 def computed_parts(

@@ -31,7 +31,7 @@ from study.run.driven_beat import Beat, Drive, driven_beat, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.gap_parts import ConditionGap, GapIn3D
 from study.run.progress import Progress
-from study.run.run_3d import RunContext
+from study.run.run_context import RunContext
 from study.store.folder_lock import at_work
 from study.store.options import DiagnoseOptions
 from study.store.result_files import IN_3D_FOLDER as FOLDER

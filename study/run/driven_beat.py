@@ -37,13 +37,10 @@ from study.case.condition import Condition
 from study.run.case_model import case_model
 from study.run.patient import stress_rules
 from study.run.results import Run3D
-from study.run.run_3d import RunContext, finished_run
-from study.run.setup import (
-    Setup,
-    image_pressure,
-    outlets_of,
-    plan_steps,
-)
+from study.run.run_3d import finished_run
+from study.run.run_context import RunContext
+from study.run.setup import image_pressure, outlets_of, plan_steps
+from study.run.simulation_data import Setup
 from study.store.json_form import ABSENT
 from study.store.result_files import FIELD_FOLDER
 from study.store.stages import stage_key

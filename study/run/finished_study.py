@@ -9,13 +9,13 @@ from study.case.model import Case
 from study.case.read import read_case
 from study.run.progress import Progress
 from study.run.results import Run3D, calibrated_runs
-from study.run.run_3d import RunContext
+from study.run.run_context import RunContext
 from study.run.study_context import check_study, open_context, with_curve
 from study.run.study_options import study_case, study_choice
+from study.store.case_inputs import inputs_of
 from study.store.json_form import from_json
 from study.store.numerics import decided_by
 from study.store.options import StudyOptions, case_path
-from study.store.provenance import inputs_of
 from study.store.stored_document import load_document, readable
 
 _AGAIN = "run jaxfsi study again in the same folder: it computes what is no longer valid"

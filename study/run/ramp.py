@@ -22,12 +22,14 @@ from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import Ramp
 from lumped.waveforms import Constant
 from study.run.case_model import case_model
-from study.run.run_3d import RunContext, finished_run
-from study.run.setup import STEP, Outlets, Schedule, Setup
+from study.run.run_3d import finished_run
+from study.run.run_context import RunContext
+from study.run.setup import STEP
+from study.run.simulation_data import Outlets, Schedule, Setup
 from study.run.study_choice import RampChoice
+from study.store.result_names import RAMP
 from study.store.stages import stage_key
 
-RAMP = "ramp"
 _FRAMES = 4
 
 

@@ -50,13 +50,10 @@ from study.case.model import Case
 from study.run.patient import stress_rules
 from study.run.progress import Progress
 from study.run.results import PlannedRun
-from study.run.run_3d import RunContext, run_key, setup_of
-from study.run.setup import (
-    Setup,
-    aortic_pressure,
-    image_pressure,
-    outlets_of,
-)
+from study.run.run_3d import run_key, setup_of
+from study.run.run_context import RunContext
+from study.run.setup import aortic_pressure, image_pressure, outlets_of
+from study.run.simulation_data import Setup
 from study.run.study_parts import Sensitivity
 from study.store.stages import PartOfStage, stage_key
 

@@ -30,9 +30,6 @@ Source: Puelz et al. 2024, section 2.3.
 
 import dataclasses
 import math
-from collections.abc import Sequence
-
-from jaxtyping import Array, Float
 
 from calibration import alpha_closed_form, calibrate_alpha, systemic_windkessel
 from calibration.outlets import (
@@ -44,11 +41,7 @@ from calibration.outlets import (
     with_impedance,
 )
 from jaxfsi import Mesh, Region, submesh
-from jaxfsi.core.ports.block import BlockPort
-from jaxfsi.core.ports.port import AbstractPort
-from jaxfsi.core.ports.pressure import PressurePort
-from jaxfsi.core.step.model import Model
-from jaxfsi.core.step.state import State, initial_state
+from jaxfsi.core.step.state import initial_state
 from jaxfsi.opening import OUTLET, inlet_name, is_anomalous, is_segment, opening_area
 from lumped import (
     RCR,
@@ -67,6 +60,7 @@ from study.case.model import Case
 from study.run.case_model import Keep, case_model
 from study.run.opening_checks import names_segment
 from study.run.patient import Patient, condition_of, load_patient, stress_rules
+from study.run.simulation_data import Outlets, Schedule, Setup
 
 STEP = 1.0e-3
 """Length of a step where the case says nothing [s]."""
@@ -76,72 +70,6 @@ CYCLES = 4
 
 LARGEST_NU = 0.499
 """Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Schedule:
-    """Steps of a run.
-
-    Attributes:
-        dt: length of a whole step [s]; a cycle is a whole number of them.
-        n_steps: whole steps of the run.
-        per_cycle: whole steps of a cycle.
-        per_frame: whole steps between two frames.
-        period: length of a cycle [s].
-    """
-
-    dt: float
-    n_steps: int
-    per_cycle: int
-    per_frame: int
-    period: float
-
-
-@dataclasses.dataclass(frozen=True)
-class Outlets:
-    """What the outlets are made of.
-
-    Attributes:
-        alpha: scale of the resistances of the anomalous outlet.
-        alpha_origin: where it comes from, in words.
-        blocks: the block of each port but the inlet.
-        starts: states of each.
-    """
-
-    alpha: Parameter
-    alpha_origin: str
-    blocks: dict[str, AbstractElement]
-    starts: dict[str, Float[Array, " _"]]
-
-    def ports(self, inlet: AbstractWaveform, names: Sequence[str]) -> dict[str, AbstractPort]:
-        """Condition of each opening: the aortic pressure where there is no block."""
-        blocks = ((name, self.blocks.get(name)) for name in names)
-        return {n: PressurePort(inlet) if b is None else BlockPort(b) for n, b in blocks}
-
-    def starts_of(self, names: Sequence[str]) -> tuple[Float[Array, " _"] | None, ...]:
-        """States in the order of the ports of a model."""
-        return tuple(self.starts.get(name) for name in names)
-
-
-@dataclasses.dataclass(frozen=True)
-class Setup:
-    """A run that can begin.
-
-    Attributes:
-        mesh: the mesh that is solved on; blood alone where the wall is rigid.
-        model: the model.
-        state: where it starts.
-        inlet: aortic pressure.
-        outlets: what lies behind the outlets.
-        schedule: its steps.
-    """
-
-    mesh: Mesh
-    model: Model
-    state: State
-    inlet: AbstractWaveform
-    outlets: Outlets
-    schedule: Schedule
 
 
 def check_simulation(case: Case, condition: str, *, rigid: bool, dt: float | None) -> None:

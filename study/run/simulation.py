@@ -9,17 +9,14 @@ import dataclasses
 import math
 import pathlib
 import time
-from typing import Any, NamedTuple
 
 from jaxfsi import OUTER_WALL
-from jaxfsi.core.step.state import State
 from jaxfsi.simulation import (
     CheckpointError,
     FieldSeries,
     ProgressRecord,
     Record,
     ShearCycle,
-    ShearMeans,
     SimulationError,
     SimulationInterrupted,
     SolverChoice,
@@ -32,7 +29,7 @@ from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.parameters import SolverOptions
 from study.run.progress import Progress
-from study.run.setup import Schedule, Setup
+from study.run.simulation_data import Outcome, Schedule, Setup
 from study.store.result_files import CHECKPOINT_FILE, FIELD_FOLDER, HISTORY_FILE, SHEAR_FILE
 from study.store.stages import stage_key
 
@@ -55,33 +52,6 @@ def solver_choice(options: SolverOptions) -> SolverChoice:
     if options.tolerance is None:
         return choice
     return dataclasses.replace(choice, tolerance=options.tolerance)
-
-
-class Outcome(NamedTuple):
-    """What a run left.
-
-    Attributes:
-        record: of all steps.
-        events: what went wrong and was mended.
-        resumed_from: whole step that it went on from; None for a fresh run.
-        shear: wall shear stress of the last cycle; None before two looks.
-        seconds: time that the run took, compiling included [s].
-        failure: why it ended early; None where it did not.
-        interrupted: whether the user ended it.
-        state: at its end; None where it did not get there.
-        pace: time of a whole step, output included and compiling left out [s]; None where too few
-            were taken to tell.
-    """
-
-    record: Record
-    events: list[dict[str, Any]]
-    resumed_from: int | None
-    shear: ShearMeans | None
-    seconds: float
-    failure: str | None = None
-    interrupted: bool = False
-    state: State | None = None
-    pace: float | None = None
 
 
 def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Progress) -> Outcome:

@@ -15,7 +15,7 @@ from study.run.mesh import mesh_state
 from study.run.opening_checks import check_names, check_openings
 from study.run.patient import stress_rules
 from study.run.progress import Progress
-from study.run.run_3d import RunContext
+from study.run.run_context import RunContext
 from study.run.setup import check_simulation
 from study.run.study_choice import RunChoice, StudyChoice
 from study.store.meshes import mesh_key

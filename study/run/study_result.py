@@ -8,7 +8,7 @@ from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
 from study.case.model import Case
 from study.run.fitted_ramp import FittedRamp
-from study.run.pipeline import CaseResult
+from study.run.reduced_results import CaseResult
 from study.run.results import Run3D, calibrated_runs
 from study.run.study_choice import StudyChoice
 from study.run.study_parts import Computed, MotionPart, Sensitivity

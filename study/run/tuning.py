@@ -1,9 +1,7 @@
 """α of one patient at rest, under each law of the artery and in several ways."""
 
-import dataclasses
 import functools
 import math
-from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -34,57 +32,9 @@ from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
 from study.run.patient import Model, Patient, load_patient
 from study.run.progress import Progress
+from study.run.reduced_results import Calibration, Curve, Tuning
 
 CURVE_POINTS = 21
-
-
-class Curve(NamedTuple):
-    """Resting ratio over α."""
-
-    alpha: np.ndarray
-    ratio: np.ndarray
-
-
-@dataclasses.dataclass(frozen=True)
-class Calibration:
-    """α of one law, found in several ways.
-
-    Attributes:
-        law: `linear` or `quadratic`.
-        target: measured resting ratio [-].
-        alpha: the scale of the outlet's resistances, by Newton's method [-].
-        iterations: its steps.
-        ratio: resting ratio that the model has with it [-].
-        closed_form: α of the divider; None where the law is not linear [-].
-        bisection: α by bisection, as in the paper [-]; None where α lies outside 1e-4 .. 1e4.
-        bisection_iterations: its evaluations of the model.
-        sd_log: standard deviation of log α from the error of the measured ratio [-].
-        by: ∂ log α / ∂ log p, the measured ratio kept, for each parameter p, and for the measured
-            ratio itself, `rest_ratio` [-].
-    """
-
-    law: str
-    target: float
-    alpha: float
-    iterations: int
-    ratio: float
-    closed_form: float | None
-    bisection: float | None
-    bisection_iterations: int
-    sd_log: float
-    by: dict[str, float]
-
-
-class Tuning(NamedTuple):
-    """What was tuned.
-
-    Attributes:
-        calibrations: α by law, the case's own law first.
-        failures: other laws that could not be calibrated, with the reason.
-    """
-
-    calibrations: dict[str, Calibration]
-    failures: dict[str, str]
 
 
 _respond = eqx.filter_jit(ratio_response)

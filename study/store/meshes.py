@@ -16,8 +16,9 @@ from lumped.whole_files import staging
 from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
 from study.case.model import Case
 from study.store.cache_folder import cache_folder
+from study.store.case_inputs import files_of
 from study.store.numerics import library
-from study.store.provenance import files_of, sha256
+from study.store.provenance import sha256
 from study.store.stages import Stages, stage_key
 
 MOST_ENTRIES = 24

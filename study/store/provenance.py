@@ -11,8 +11,6 @@ import subprocess
 from collections.abc import Sequence
 from typing import Any
 
-from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
-from study.case.model import Case
 from study.store.numerics import PARTS, installed, version
 from study.store.options import Options
 
@@ -61,17 +59,6 @@ class Provenance:
     commit: str | None
 
 
-def provenance(case: Case, command: Sequence[str], options: Options) -> Provenance:
-    """What must be known to compute a result again.
-
-    Args:
-        case: the case; its file and all files that it names are hashed.
-        command: the command as it was given.
-        options: of the command.
-    """
-    return origin(input_files(case), case.path.parent, command, options)
-
-
 def origin(
     files: Sequence[pathlib.Path], folder: pathlib.Path, command: Sequence[str], options: Options
 ) -> Provenance:
@@ -83,7 +70,7 @@ def origin(
         command: the command as it was given.
         options: of the command.
     """
-    return made_by([_input(path, folder) for path in files], command, options)
+    return made_by([input_file(path, folder) for path in files], command, options)
 
 
 def made_by(inputs: list[InputFile], command: Sequence[str], options: Options) -> Provenance:
@@ -105,34 +92,11 @@ def made_by(inputs: list[InputFile], command: Sequence[str], options: Options) -
     )
 
 
-def inputs_of(case: Case) -> list[InputFile]:
-    """Name, hash and size of the case file and of every file that it names."""
-    return [_input(path, case.path.parent) for path in input_files(case)]
-
-
-def input_files(case: Case) -> list[pathlib.Path]:
-    """The case file and every file that it names, each once."""
-    files = [case.path]
-    match case.anatomy:
-        case IvusAnatomy(states=states, centerline=centerline):
-            files += [file for state in states.values() for file in state.files]
-            files += [centerline] if centerline is not None else []
-        case SurfaceAnatomy(surface=surface):
-            files.append(surface)
-        case MeshAnatomy(places=places):
-            files += [file for place in places for file in files_of(place)]
-        case _:
-            pass
-    files += [c.waveform.path for c in case.conditions.values() if c.waveform is not None]
-    return list(dict.fromkeys(files))
-
-
-def files_of(place: pathlib.Path) -> list[pathlib.Path]:
-    """Files of a mesh: those below its folder, or the file and the JSON beside it."""
-    if not place.is_dir():
-        beside = place.with_suffix(".json")
-        return [place, *([beside] if beside.is_file() else [])]
-    return sorted(path for path in place.rglob("*") if path.is_file())
+def input_file(path: pathlib.Path, folder: pathlib.Path) -> InputFile:
+    """A file with its hash, named relative to a folder where it lies below that."""
+    inside = path.is_relative_to(folder)
+    name = path.relative_to(folder).as_posix() if inside else path.name
+    return InputFile(name, sha256(path), path.stat().st_size)
 
 
 def sha256(path: pathlib.Path) -> str:
@@ -189,12 +153,6 @@ def _git(folder: pathlib.Path, *arguments: str) -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip()
-
-
-def _input(path: pathlib.Path, folder: pathlib.Path) -> InputFile:
-    inside = path.is_relative_to(folder)
-    name = path.relative_to(folder).as_posix() if inside else path.name
-    return InputFile(name, sha256(path), path.stat().st_size)
 
 
 def versions() -> dict[str, str | None]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxfsi.simulation import Record
 from lumped import Fourier, PressureSource, Vessel, connect, solve_periodic
-from study.run.simulation import Outcome
+from study.run.simulation_data import Outcome
 
 
 class QuickMarch:

@@ -32,11 +32,12 @@ from study.run.progress import Progress
 from study.run.results import Run3D, RunHistory
 from study.run.study_choice import RunChoice
 from study.run.study_context import open_context
+from study.store.case_inputs import input_files
 from study.store.json_form import ABSENT, as_json, from_json
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
 from study.store.options import StudyOptions
-from study.store.provenance import input_files, origin
+from study.store.provenance import origin
 from tests.diagnosis.records import synthetic
 from tests.study.quick_march import QuickMarch
 

@@ -26,7 +26,7 @@ from study.run.anatomy_source import case_mesh
 from study.run.progress import Progress
 from study.run.ramp import _columns
 from study.run.results import PlannedRun, RunId
-from study.run.run_3d import RunContext
+from study.run.run_context import RunContext
 from study.run.study_choice import RunChoice
 from study.store.meshes import mesh_key
 

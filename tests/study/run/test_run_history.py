@@ -7,8 +7,8 @@ import pytest
 
 import study.run.simulation as simulation_run
 from jaxfsi.simulation import ProgressRecord, Record
-from study.run.setup import Schedule
 from study.run.simulation import write_history
+from study.run.simulation_data import Schedule
 
 NAMES = ("aorta_inlet", "outer_wall", "anomalous_outlet")
 

@@ -15,7 +15,8 @@ from study import read_case
 from study.case.parameters import SurrogateParameters
 from study.run.progress import Progress
 from study.run.results import PlannedRun, RunId
-from study.run.run_3d import RunContext, setup_of
+from study.run.run_3d import setup_of
+from study.run.run_context import RunContext
 from study.run.sensitivity import (
     boundary_of,
     by_parameters,

@@ -16,7 +16,7 @@ import study.run.run_3d as run_3d
 from calibration import RATIO_TOLERANCE
 from jaxfsi.simulation import Record
 from lumped import MMHG, PressureSource, Shooting, Vessel, connect, solve_periodic
-from study.run.simulation import Outcome
+from study.run.simulation_data import Outcome
 
 A, B = 500.0, 1200.0  # of the ramp
 MORE = 1.25  # the loss of a beating artery over that of the ramp

@@ -15,7 +15,8 @@ from study.report.older_parts import older_parts
 from study.run.computed_parts import computed_parts
 from study.run.progress import Progress
 from study.run.results import PlannedRun, Run3D, RunHistory, RunId
-from study.run.run_3d import RunContext, fsi_run, run_key
+from study.run.run_3d import fsi_run, run_key
+from study.run.run_context import RunContext
 from study.run.study_choice import RunChoice
 from study.store.json_form import as_json
 from study.store.meshes import entry_key, mesh_key

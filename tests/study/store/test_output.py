@@ -10,10 +10,11 @@ import pytest
 
 from study import Progress, demo_case_path, read_case
 from study.store.cache_folder import VARIABLE, cache_folder
+from study.store.case_inputs import input_files, inputs_of, provenance
 from study.store.json_form import as_json, from_json
 from study.store.options import RunOptions
 from study.store.output import OutputRefused, check_folder, write_files
-from study.store.provenance import Provenance, input_files, inputs_of, provenance
+from study.store.provenance import Provenance
 from study.store.stored_document import to_json
 
 

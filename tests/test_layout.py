@@ -37,6 +37,20 @@ def _imports(package: pathlib.Path) -> dict[str, set[str]]:
     return found
 
 
+def only_constants(module: str, path: pathlib.Path) -> set[str]:
+    """Modules of other rooms of which a module imports nothing but constants."""
+    names: dict[str, list[str]] = {}
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("study."):
+            names.setdefault(node.module, []).extend(alias.name for alias in node.names)
+    room = module.split(".")[1:2]
+    return {
+        of
+        for of, all_ in names.items()
+        if of.split(".")[1:2] != room and all(map(str.isupper, all_))
+    }
+
+
 def longest_chain(imports: dict[str, set[str]]) -> list[str]:
     """Longest chain of modules, each of which imports the next."""
 
@@ -80,3 +94,15 @@ def test_modules_and_functions_are_short():
         functions = _function_lines(path)
         longer |= {name: n for name, n in functions.items() if n > FUNCTION_LINES}
     assert longer == LONGER
+
+
+def test_a_constant_of_another_room_lies_in_a_module_that_imports_nothing_of_study():
+    imports = _imports(_ROOT)
+    heavy = {
+        (module, of)
+        for module in imports
+        if (path := (_ROOT.parent / module.replace(".", "/")).with_suffix(".py")).is_file()
+        for of in only_constants(module, path)
+        if imports[of]
+    }
+    assert not heavy

@@ -2,17 +2,22 @@
 
 ::
 
-    python -m study.case.reference > docs/case-file.md
+    python -m study.case.reference        write docs/case-file.md again
 """
 
+import pathlib
 from collections.abc import Iterable
 
+from lumped.whole_files import write_whole
 from study.case.anatomy import STATE
 from study.case.ostium import Uncertain
 from study.case.parameters import STRESS_FACTORS, ThicknessBounds
 from study.case.schema import UNITS, Key, Quantity, keys_of, readable, spellings
 from study.case.sections import CASE, RECORD, Section
 from study.case.template import default_of, written
+
+PAGE = pathlib.Path(__file__).parents[2] / "docs" / "case-file.md"
+"""Where the page lies in a checkout."""
 
 _HEAD = """\
 # Case files and records
@@ -96,4 +101,5 @@ def _units() -> str:
 
 
 if __name__ == "__main__":
-    print(reference(), end="")
+    write_whole(PAGE, reference())
+    print(PAGE)

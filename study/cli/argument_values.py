@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from study.case.advice import nearest
-from study.report.documents import KINDS as DOCUMENTS
+from study.report.documents import document_kinds
 from study.store.options import AlphaRange
 from study.store.result_files import MESH_FORMATS as FORMATS
 
@@ -58,10 +58,10 @@ def formats(text: str) -> tuple[str, ...]:
 def document_kind(text: str) -> str:
     """A kind of stored result, as its document says it under `kind`, or the command's name."""
     kind = text.removesuffix("-measurement")
-    if kind in DOCUMENTS:
+    if kind in document_kinds():
         return kind
-    close = nearest(text, list(DOCUMENTS))
-    known = f"choose from {', '.join(DOCUMENTS)}"
+    close = nearest(text, document_kinds())
+    known = f"choose from {', '.join(document_kinds())}"
     cure = known if close is None else f"try {close}, or {known}"
     raise argparse.ArgumentTypeError(f"there is no kind of result {text!r}; {cure}")
 

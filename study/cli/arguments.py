@@ -18,7 +18,7 @@ from study.cli.argument_values import (
 )
 from study.cli.help_texts import DESCRIPTION, EPILOG, HELP
 from study.cli.request import Request, ShowOptions, TemplateOptions
-from study.report.documents import KINDS as DOCUMENTS
+from study.report.documents import document_kinds
 from study.store.numerics import installed
 from study.store.options import (
     KINDS,
@@ -242,7 +242,7 @@ def _show_arguments(command: argparse.ArgumentParser) -> None:
         "--schema",
         type=document_kind,
         metavar="KIND",
-        help=f"the JSON Schema of a kind of result instead: {', '.join(DOCUMENTS)}",
+        help=f"the JSON Schema of a kind of result instead: {', '.join(document_kinds())}",
     )
 
 

@@ -9,13 +9,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lumped import MMHG
-from study.report.figures import NAMES, THRESHOLD
+from lumped.units import ML_PER_MIN
+from study.report.figures import NAMES
 from study.report.sensitivity_figures import sensitivity_figure
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, svg
+from study.run.limits import FFR_THRESHOLD
 
 Document = Mapping[str, Any]
-
-_ML_PER_MIN = 60.0  # of cm³/s
 
 
 def study_figures(document: Document) -> dict[str, str]:
@@ -41,15 +41,15 @@ def ramp(document: Document) -> str:
         figure = Figure(figsize=(6.6, 3.9), layout="constrained")
         axes = figure.add_subplot()
         fine = np.linspace(0.0, max(Q.max(), 1e-6) * 1.03, 200)
-        axes.plot(Q * _ML_PER_MIN, drop, color=INK, linewidth=3.0, alpha=0.35, label="3D ramp")
+        axes.plot(Q / ML_PER_MIN, drop, color=INK, linewidth=3.0, alpha=0.35, label="3D ramp")
         axes.plot(
-            fine * _ML_PER_MIN,
+            fine / ML_PER_MIN,
             (a * fine + b * fine**2) / MMHG,
             color=COLOURS[0],
             label="curve a Q + b Q|Q|",
         )
         axes.plot(
-            fine * _ML_PER_MIN,
+            fine / ML_PER_MIN,
             R0 * fine / MMHG,
             color=COLOURS[1],
             linestyle=(0, (5, 2)),
@@ -58,13 +58,13 @@ def ramp(document: Document) -> str:
         q40 = (R0 - a) / (2.0 * b) if b > 0.0 else 40.0 * MMHG / R0
         near = fine[fine > 0.55 * q40]
         axes.plot(
-            near * _ML_PER_MIN,
+            near / ML_PER_MIN,
             40.0 + R0 * (near - q40) / MMHG,
             color=GREY,
             linewidth=1.0,
             label="its tangent at 40 mmHg",
         )
-        axes.plot([q40 * _ML_PER_MIN], [40.0], "o", color=GREY, markersize=5)
+        axes.plot([q40 / ML_PER_MIN], [40.0], "o", color=GREY, markersize=5)
         axes.set_ylim(0.0, max(drop.max(), 40.0) * 1.12)
         axes.set_xlim(0.0, None)
         axes.set_xlabel("flow through the anomalous artery [mL/min]")
@@ -152,9 +152,9 @@ def waveforms(document: Document) -> str:
             start = float(t[-1])
             for axes in (pressure, ratio):
                 axes.axvline(start, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
-        ratio.axhline(THRESHOLD, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
+        ratio.axhline(FFR_THRESHOLD, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
         low = min(min(run["ratios"], default=1.0) for run in runs)
-        ratio.set_ylim(min(low, THRESHOLD) - 0.06, 1.04)
+        ratio.set_ylim(min(low, FFR_THRESHOLD) - 0.06, 1.04)
         pressure.set_ylabel("pressure [mmHg]")
         ratio.set_ylabel("distal / aortic")
         ratio.set_xlabel("time [s]")

@@ -28,7 +28,6 @@ from study.run.results import Run3D
 from study.run.study_parts import Sensitivity
 from study.run.study_result import StudyResult
 from study.run.tuning import ratio_error
-from study.store.json_form import ABSENT
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
 from study.store.provenance import Provenance
@@ -282,10 +281,9 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
 def _aortic_flow(run: Run3D, windkessel: WindkesselParameters) -> Iterator[tuple[str, str]]:
     """Flow in the aorta that no heart makes."""
     cycle = run.cycles[-1]
-    offset, flow = cycle.site_offset_mmHg, cycle.ports.get(OUTLET)
+    offset, flow = cycle.site_offset, cycle.ports.get(OUTLET)
     if flow is None:
         return
-    offset = 0.0 if offset is ABSENT else offset
     low, high = flow.least_Q_ml_per_min / 1000.0, flow.largest_Q_ml_per_min / 1000.0
     if abs(offset) < _LARGE_OFFSET_MMHG and max(-low, high) < _LARGE_FLOW_L_PER_MIN:
         return

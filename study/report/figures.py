@@ -10,14 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from lumped.units import ML_PER_MIN, MMHG
 from study.case.laws import LINEAR, QUADRATIC
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, legend_below, svg
+from study.run.limits import CATHETER_MM, FFR_THRESHOLD
 from study.store.result_names import CALIBRATED, FIXED
 
 Document = Mapping[str, Any]
-
-THRESHOLD = 0.80
-CATHETER_MM = 1.03
 
 
 def figures(document: Document) -> dict[str, str]:
@@ -46,8 +45,10 @@ def overview(document: Document) -> str:
             measured = _measured(document, name)
             if measured is not None:
                 axes.plot([measured] * 2, [k - 0.34, k + 0.34], color=RED, linewidth=2.0, zorder=1)
-        axes.axvline(THRESHOLD, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=0)
-        axes.text(THRESHOLD, -0.62, " 0.80", color=GREY, fontsize=8, va="center")
+        axes.axvline(FFR_THRESHOLD, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=0)
+        axes.text(
+            FFR_THRESHOLD, -0.62, f" {FFR_THRESHOLD:.2f}", color=GREY, fontsize=8, va="center"
+        )
         axes.set_yticks(range(len(names)), [name.capitalize() for name in names])
         axes.set_ylim(len(names) - 0.5, -0.75)
         axes.grid(visible=False, axis="y")
@@ -188,7 +189,7 @@ def lumen(document: Document) -> str:
         )  # fmt: skip
         floor = axis.axhline(
             CATHETER_MM, color=COLOURS[1], linewidth=1.0, linestyle=":",
-            label="ultrasound catheter, 1.03 mm",
+            label=f"ultrasound catheter, {CATHETER_MM:g} mm",
         )  # fmt: skip
         axis.set_ylim(bottom=0.0)
         axis.set_ylabel("minor axis [mm]")
@@ -208,8 +209,8 @@ def _drop_parts(document: Document, axes: Axes) -> None:
     """Mean-flow pressure drop by cause, at the calibrated flow of each law at rest."""
     vessel = document["vessel"]
     run = _own_run(document, "rest", law=document["law"])
-    Q = run["mean_flow_ml_per_min"] / 60.0
-    mmHg = 1333.22
+    flow = run["mean_flow_ml_per_min"]
+    Q = flow * ML_PER_MIN
     parts = {
         "viscous, along the lumen": vessel["a_viscous"] * Q,
         "contraction at the ostium": vessel["b_contraction"] * Q**2,
@@ -217,7 +218,7 @@ def _drop_parts(document: Document, axes: Axes) -> None:
         "expansion": vessel["b_expansion"] * Q**2,
         "velocity head": vessel["b_head"] * Q**2,
     }
-    values = [value / mmHg for value in parts.values()]
+    values = [value / MMHG for value in parts.values()]
     axes.barh(list(parts), values, color="#7d9cb8")
     axes.invert_yaxis()
     axes.grid(visible=False, axis="y")
@@ -225,7 +226,7 @@ def _drop_parts(document: Document, axes: Axes) -> None:
         axes.text(max(value, 0.0), k, f" {value:.2f}", va="center", fontsize=8.5)
     axes.margins(x=0.18)
     axes.set_xlabel("drop [mmHg]")
-    axes.set_title(f"Drop at {60.0 * Q:.0f} mL/min: {sum(values):.1f} mmHg")
+    axes.set_title(f"Drop at {flow:.0f} mL/min: {sum(values):.1f} mmHg")
 
 
 def alpha(document: Document) -> str:

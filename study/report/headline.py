@@ -14,9 +14,7 @@ from typing import NamedTuple
 
 from study.report.documents.parts import Headline, HeadlineReading
 from study.report.number_formats import signed, with_sd
-
-FFR_THRESHOLD = 0.80
-"""FFR at or below which an obstruction is held to matter (as in the clinical cohorts) [-]."""
+from study.run.limits import FFR_THRESHOLD
 
 CONTRADICTED = 2.0
 """Standard deviations between model and measurement from which they contradict each other."""

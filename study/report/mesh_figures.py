@@ -10,10 +10,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, svg
+from study.run.limits import AREA_BOUND
 
 Entry = Mapping[str, Any]
 
-AREA_BOUND_PERCENT = 3.0
+_AREA_PERCENT = 100.0 * AREA_BOUND
 _BLOOD, _WALL = "#c8443a", "#c9a66b"
 
 
@@ -54,12 +55,12 @@ def areas(sections: Sequence[Entry], name: str) -> str:
 def _errors(axes: Axes, section: Entry) -> None:
     s = np.asarray(section["s_mm"])
     error = 100.0 * (np.asarray(section["meshed_mm2"]) / np.asarray(section["asked_mm2"]) - 1.0)
-    beyond = np.abs(error) > AREA_BOUND_PERCENT
+    beyond = np.abs(error) > _AREA_PERCENT
     width = 0.55 * float(np.median(np.diff(s))) if len(s) > 1 else 1.0
     axes.bar(s, error, width, color=np.where(beyond, RED, COLOURS[0]).tolist())
-    for bound in (-AREA_BOUND_PERCENT, AREA_BOUND_PERCENT):
+    for bound in (-_AREA_PERCENT, _AREA_PERCENT):
         axes.axhline(bound, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
-    largest = max(1.3 * AREA_BOUND_PERCENT, 1.15 * float(np.max(np.abs(error))))
+    largest = max(1.3 * _AREA_PERCENT, 1.15 * float(np.max(np.abs(error))))
     axes.set_ylim(-largest, largest)
     axes.set_xlabel("distance along the axis [mm]")
 

@@ -13,6 +13,7 @@ from study.report.mesh_figures import mesh_figures
 from study.report.number_formats import signed, significant, span, with_sd
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
+from study.run.limits import AREA_BOUND, FFR_THRESHOLD
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
 Document = Mapping[str, Any]
@@ -76,6 +77,7 @@ def rendered(name: str, **values: Any) -> str:
         "with_sd": with_sd,
         "chance": lambda value, sd: percent(chance_at_or_below(value, sd)),
     }
+    environment.globals |= {"threshold": FFR_THRESHOLD, "area_bound": AREA_BOUND}
     return environment.get_template(name).render(**values)
 
 

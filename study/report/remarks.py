@@ -12,6 +12,7 @@ from calibration.identifiability import identifiability as combinations
 from lumped import ML_PER_MIN, MM, MMHG
 from study.case.laws import LINEAR, QUADRATIC
 from study.report.headline import Reading, headline
+from study.run.limits import CATHETER_MM
 from study.run.patient import Vessel
 from study.run.reduced_results import CaseResult, Run
 from study.run.tuning import ratio_error
@@ -25,9 +26,6 @@ ALPHA_RANGE = (0.1, 10.0)
 
 RESERVE_RANGE = (1.5, 5.0)
 """Stress flow over resting flow in healthy arteries, children and adults [-]."""
-
-CATHETER_DIAMETER = 1.03 * MM
-"""Ultrasound catheter: no narrower lumen can be read from its images [cm]."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -227,8 +225,8 @@ def _vessel_notes(result: CaseResult) -> Iterator[Note]:
     if vessel is None:
         return
     minor = float(np.min(np.asarray(vessel.calipers.minor)))
-    ratio = minor / CATHETER_DIAMETER
-    limit = f"{CATHETER_DIAMETER / MM:.2f} mm"
+    ratio = minor / (CATHETER_MM * MM)
+    limit = f"{CATHETER_MM:.2f} mm"
     text = (
         f"The narrowest minor axis is {minor / MM:.2f} mm; the ultrasound catheter itself is "
         f"{limit} thick and holds the lumen open to that width."

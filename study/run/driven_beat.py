@@ -41,7 +41,6 @@ from study.run.run_3d import finished_run
 from study.run.run_context import RunContext
 from study.run.setup import image_pressure, outlets_of, plan_steps
 from study.run.simulation_data import Setup
-from study.store.json_form import ABSENT
 from study.store.result_files import FIELD_FOLDER
 from study.store.stages import stage_key
 
@@ -221,7 +220,7 @@ def known_difference(runs: Sequence[Run3D], entry: Condition) -> Wave:
         runs: those of a study with α as calibrated.
         entry: the condition.
     """
-    read = [r for r in runs if r.history.P_site_mmHg is not ABSENT]
+    read = [r for r in runs if r.history.has_site]
     alike = [r for r in read if r.is_rest == (entry.kind == "rest")]
     if not alike:
         return np.zeros(PHASES.size)

@@ -19,6 +19,7 @@ from study.case.anatomy import MeshAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
 from study.run.anatomy_source import case_anatomy, case_mesh, file_fault, states_of
+from study.run.limits import AREA_BOUND, SEPTUM_BOUND
 from study.run.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.run.progress import Progress
 from study.store.meshes import StateMesh, entry_key, load_mesh, store_mesh
@@ -336,10 +337,6 @@ def mesh_notes(states: Mapping[str, dict[str, Any]]) -> list[dict[str, str]]:
     for name, entry in states.items():
         notes += [{"level": level, "text": f"{name}: {text}"} for level, text in _remarks(entry)]
     return sorted(notes, key=lambda note: note["level"] != "warning")
-
-
-AREA_BOUND = 0.03
-SEPTUM_BOUND = 0.10
 
 
 def _remarks(entry: dict[str, Any]) -> list[tuple[str, str]]:

@@ -55,6 +55,12 @@ class RunCycle(CycleMeans):
     site_offset_mmHg: float | Absent = ABSENT
     ratio_to_inlet: float | Absent | None = ABSENT
 
+    @property
+    def site_offset(self) -> float:
+        """`site_offset_mmHg`, 0 where the pressure at the ostium was not read."""
+        offset = self.site_offset_mmHg
+        return 0.0 if isinstance(offset, Absent) else offset
+
     def at_site(self, offset: float, inlet: str) -> "RunCycle":
         """The cycle with its ratio taken to the aortic pressure at the ostium.
 
@@ -88,6 +94,11 @@ class RunHistory:
     Q_ml_per_min: list[float]
     t_site_s: list[float] | Absent = ABSENT
     P_site_mmHg: list[float] | Absent = ABSENT
+
+    @property
+    def has_site(self) -> bool:
+        """Whether the pressure at the ostium was read."""
+        return self.P_site_mmHg is not ABSENT
 
 
 @dataclasses.dataclass(frozen=True)

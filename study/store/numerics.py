@@ -56,7 +56,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "jaxfsi/mesh_parts.py", "jaxfsi/meshing/*", "study/run/mesh.py",
     ),
     "mesh report": (
-        "study/run/mesh.py", "study/run/mesh_pictures.py",
+        "study/run/limits.py", "study/run/mesh.py", "study/run/mesh_pictures.py",
         "study/run/mesh_rendering.py",
     ),
     "0D": (
@@ -89,7 +89,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         "study/case/condition.py", "study/case/laws.py", "study/case/losses_table.py",
         "study/case/model.py", "study/case/ostium.py", "study/case/parameters.py",
         "study/case/read.py", "study/case/schema.py", "study/case/table*",
-        "study/run/algorithm.py", "study/run/study_choice.py", "study/run/study_context.py",
+        "study/run/algorithm.py", "study/run/limits.py", "study/run/study_choice.py",
+        "study/run/study_context.py",
         "study/run/study_options.py", "study/run/study_result.py",
         "study/run/pipeline.py", "study/run/reduced_results.py", "study/run/sweep.py",
         "study/run/tuning.py",

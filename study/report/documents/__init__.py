@@ -32,6 +32,11 @@ def document_type(kind: str) -> type:
     return getattr(importlib.import_module(f"{__name__}.{module}"), name)
 
 
+def document_kinds() -> list[str]:
+    """Kinds of documents that have a schema."""
+    return list(KINDS)
+
+
 def document_schema(kind: str) -> dict[str, Any]:
     """The JSON Schema of a kind of document.
 

@@ -23,7 +23,7 @@ ROOT = pathlib.Path(__file__).parents[3]
 
 
 def test_reference_page_is_up_to_date():
-    again = "run python -m study.case.reference > docs/case-file.md"
+    again = "run python -m study.case.reference"
     assert (ROOT / "docs/case-file.md").read_text(encoding="utf-8") == reference(), again
 
 

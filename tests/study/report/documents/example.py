@@ -19,14 +19,17 @@ _MOST_NUMBERS, _MOST_TABLES = 3, 2
 def cut(value: Any) -> Any:
     """A document with at most three numbers and two tables of each list, files by name."""
     if isinstance(value, dict):
-        return {name: cut(part) for name, part in value.items()}
+        parts = {name: cut(part) for name, part in value.items()}
+        if "narrowest" in parts:  # a place in lists that are cut
+            parts["narrowest"] = min(parts["narrowest"], _MOST_NUMBERS - 1)
+        return parts
     if isinstance(value, str) and value.startswith("/"):
         return pathlib.PurePath(value).name
     if not isinstance(value, list):
         return value
     if all(isinstance(part, str) for part in value):
         return [cut(part) for part in value]
-    nested = any(isinstance(part, dict | list) for part in value)
+    nested = any(isinstance(part, dict) for part in value)
     return [cut(part) for part in value[: _MOST_TABLES if nested else _MOST_NUMBERS]]
 
 

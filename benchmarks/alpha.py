@@ -24,19 +24,19 @@ from calibration import (
 )
 from lumped import (
     MMHG,
-    Condition,
     Fourier,
+    HaemodynamicCondition,
     Surrogate,
     SvZeroDCase,
     svzerod_config,
 )
 
 
-def patients(n: int, seed: int = 7) -> tuple[Surrogate, Condition, Array]:
+def patients(n: int, seed: int = 7) -> tuple[Surrogate, HaemodynamicCondition, Array]:
     """Random patients: R0 5e2..2e4, pressures 90..150 over 45..80 mmHg, 55..150 beats a minute."""
     rng = np.random.default_rng(seed)
     diastolic = rng.uniform(45.0, 80.0, n)
-    conditions = Condition(
+    conditions = HaemodynamicCondition(
         jnp.asarray((diastolic + rng.uniform(30.0, 70.0, n)) * MMHG),
         jnp.asarray(diastolic * MMHG),
         jnp.asarray(rng.uniform(0.4, 1.1, n)),

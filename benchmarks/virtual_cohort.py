@@ -38,12 +38,12 @@ from jaxfsi.anatomy import sample_anatomies
 from jaxfsi.anatomy.sources.parameters import (
     ADULT_SURFACE_AREA_M2,
     PARAMETER_RANGES,
-    SyntheticAnatomy,
+    SyntheticParameters,
 )
 from lumped import (
     MM,
     MMHG,
-    Condition,
+    HaemodynamicCondition,
     Shooting,
     StressRule,
     Surrogate,
@@ -56,7 +56,7 @@ from study.case.parameters import BloodParameters
 
 SEED = 20240503
 SIDES = ("left",) * 3 + ("right",) * 7
-_ADULT_ANNULUS = SyntheticAnatomy().annulus_radius
+_ADULT_ANNULUS = SyntheticParameters().annulus_radius
 _POINTS = 96
 _VENOUS = 8.0 * MMHG
 _NOISE = 0.01
@@ -83,7 +83,7 @@ class Truth(NamedTuple):
     rules: dict[str, dict[str, float]]
 
 
-def artery_lumen(p: SyntheticAnatomy, *, n_frames: int = 60) -> Lumen:
+def artery_lumen(p: SyntheticParameters, *, n_frames: int = 60) -> Lumen:
     """Cross-sections of the drawn artery: ostium, intramural course, reference vessel.
 
     Ellipses whose half axes go over into each other within one and a half widths.
@@ -105,7 +105,7 @@ def artery_lumen(p: SyntheticAnatomy, *, n_frames: int = 60) -> Lumen:
     return Lumen(jnp.asarray(contours), jnp.asarray(s))
 
 
-def artery_law(p: SyntheticAnatomy) -> PressureFlowLaw:
+def artery_law(p: SyntheticParameters) -> PressureFlowLaw:
     """Pressure-flow curve of the drawn artery by the reduced law."""
     blood = BloodParameters()
     return lumen_law(artery_lumen(p), mu=blood.mu, rho=blood.rho_f, Q_reference=1.0)
@@ -161,13 +161,15 @@ def draw_conditions(generator: np.random.Generator) -> dict[str, dict[str, float
     }
 
 
-def true_ratio(law: PressureFlowLaw, truth: Truth, name: str, condition: Condition) -> float:
+def true_ratio(
+    law: PressureFlowLaw, truth: Truth, name: str, condition: HaemodynamicCondition
+) -> float:
     """Ratio of the truth, without noise."""
     narrower = (1.0 - truth.narrowing) ** -2 if name == "dobutamine" else 1.0
     factor = truth.loss * narrower
     surrogate = Surrogate(
-        R0=float(law.a) * factor,
-        K=float(law.b) * factor,
+        R0=float(law.R0) * factor,
+        K=float(law.K) * factor,
         alpha=truth.alpha,
         coronary=nominal_coronary(P_venous=_VENOUS),
     )
@@ -207,7 +209,7 @@ def patients(drugs: Drugs = "alike") -> list[dict[str, Any]]:
                 "side": side,
                 "seed": [SEED, 100 + i],
                 "anatomy": p,
-                "law": (float(law.a), float(law.b)),
+                "law": (float(law.R0), float(law.K)),
                 "truth": truth,
                 "conditions": conditions,
             }

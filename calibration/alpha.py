@@ -24,7 +24,7 @@ from jaxtyping import Array, Float
 from lumped import (
     MMHG,
     RESULTS,
-    Condition,
+    HaemodynamicCondition,
     Network,
     Shooting,
     Surrogate,
@@ -70,7 +70,7 @@ def with_alpha(network: Network, alpha: Parameter) -> Network:
     return eqx.tree_at(lambda n: n.elements[k], network, bed)
 
 
-def mean_aortic_pressure(surrogate: Surrogate, condition: Condition) -> Array:
+def mean_aortic_pressure(surrogate: Surrogate, condition: HaemodynamicCondition) -> Array:
     """Cycle mean of the aortic pressure of a condition [dyn/cm²].
 
     NaN where a traced number of the condition lies outside its range.
@@ -81,7 +81,9 @@ def mean_aortic_pressure(surrogate: Surrogate, condition: Condition) -> Array:
     return waveform_mean(source.waveform, condition.period) * nan_unless(usable)
 
 
-def require_feasible(surrogate: Surrogate, condition: Condition, target: Parameter) -> None:
+def require_feasible(
+    surrogate: Surrogate, condition: HaemodynamicCondition, target: Parameter
+) -> None:
     """Refuse a ratio that no scale factor can reach (concrete values only).
 
     Raises:
@@ -120,7 +122,7 @@ def _reachable(target: Parameter, P_mean: Array, P_venous: Parameter) -> Array:
 
 
 def alpha_closed_form(
-    surrogate: Surrogate, condition: Condition, target: Parameter
+    surrogate: Surrogate, condition: HaemodynamicCondition, target: Parameter
 ) -> Float[Array, ""]:
     """α of the linear surrogate in closed form; `surrogate.alpha` and `surrogate.K` are not used.
 
@@ -148,7 +150,7 @@ def alpha_closed_form(
 
 def calibrate_alpha(
     surrogate: Surrogate,
-    condition: Condition,
+    condition: HaemodynamicCondition,
     target: Parameter,
     *,
     solver: Shooting | None = None,
@@ -186,7 +188,7 @@ def calibrate_alpha(
 
 @eqx.filter_jit
 def _calibrate(
-    surrogate: Surrogate, condition: Condition, target: Array, solver: Shooting
+    surrogate: Surrogate, condition: HaemodynamicCondition, target: Array, solver: Shooting
 ) -> AlphaFit:
     in_order, reachable = answerable(surrogate, condition, target)
     usable = in_order & reachable
@@ -206,8 +208,8 @@ def _calibrate(
 
 
 def _usual_unless(
-    usable: Array, surrogate: Surrogate, condition: Condition
-) -> tuple[Surrogate, Condition]:
+    usable: Array, surrogate: Surrogate, condition: HaemodynamicCondition
+) -> tuple[Surrogate, HaemodynamicCondition]:
     """The patient at α = 1, with nominal numbers where the input has no solution."""
 
     def chosen(value: Parameter, number: float) -> Array:
@@ -257,7 +259,9 @@ def checked_fit(fit: AlphaFit, in_order: Array, reachable: Array, data: Any) -> 
     return AlphaFit(alpha, ratio, fit.iterations, result)
 
 
-def answerable(surrogate: Surrogate, condition: Condition, target: Array) -> tuple[Array, Array]:
+def answerable(
+    surrogate: Surrogate, condition: HaemodynamicCondition, target: Array
+) -> tuple[Array, Array]:
     """Whether all numbers lie in their ranges, and whether a scale factor exists; traceable."""
     patient = nominal(surrogate)
     P_mean = mean_aortic_pressure(patient, condition)
@@ -347,7 +351,7 @@ def _calibrate_nonlinear(
 
 
 def alpha_sensitivities(
-    surrogate: Surrogate, condition: Condition, target: Parameter
+    surrogate: Surrogate, condition: HaemodynamicCondition, target: Parameter
 ) -> dict[str, Float[Array, ""]]:
     """Relative sensitivities d log α / d log p of the calibrated factor, for every datum p.
 

@@ -19,7 +19,7 @@ from calibration.alpha import AlphaFit, answerable, checked_fit, require_feasibl
 from lumped import (
     RESULTS,
     AbstractPeriodicSolver,
-    Condition,
+    HaemodynamicCondition,
     Surrogate,
     pressure_ratio,
     raise_unless_successful,
@@ -29,11 +29,14 @@ from lumped import (
 from lumped.parameters import Parameter, in_range, nan_unless
 from lumped.results import as_result
 
-RatioModel = Callable[[Surrogate, Condition], Array]
+RatioModel = Callable[[Surrogate, HaemodynamicCondition], Array]
 
 
 def ratio_of_periodic_state(
-    surrogate: Surrogate, condition: Condition, *, solver: AbstractPeriodicSolver | None = None
+    surrogate: Surrogate,
+    condition: HaemodynamicCondition,
+    *,
+    solver: AbstractPeriodicSolver | None = None,
 ) -> Float[Array, ""]:
     """Pressure ratio of the surrogate's periodic state."""
     network = surrogate.network(condition)
@@ -41,7 +44,7 @@ def ratio_of_periodic_state(
 
 
 def ratio_after_cycles(
-    surrogate: Surrogate, condition: Condition, *, cycles: int = 4, n_steps: int = 200
+    surrogate: Surrogate, condition: HaemodynamicCondition, *, cycles: int = 4, n_steps: int = 200
 ) -> Float[Array, ""]:
     """Pressure ratio of the last of a few cycles run from diastolic pressure and no flow.
 
@@ -82,7 +85,7 @@ def ratio_after_cycles(
 
 def bisect_alpha(
     surrogate: Surrogate,
-    condition: Condition,
+    condition: HaemodynamicCondition,
     target: Parameter,
     *,
     solver: AbstractPeriodicSolver | None = None,

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from calibration.gauss_newton import RANK_TOLERANCE
-from lumped import Condition, Shooting, Surrogate, mean_state, pressure_ratio
+from lumped import HaemodynamicCondition, Shooting, Surrogate, mean_state, pressure_ratio
 from lumped.parameters import Parameter
 
 PRESENT = 1e-6
@@ -273,7 +273,7 @@ RATIO_PARAMETERS = ("R0", "alpha", "R_1", "R_2", "R_3", "C_a", "C_im", "C0")
 
 
 def ratio_identifiability(
-    surrogate: Surrogate, condition: Condition, sd: Parameter
+    surrogate: Surrogate, condition: HaemodynamicCondition, sd: Parameter
 ) -> RatioIdentifiability:
     """Which of R0, alpha, R_1, R_2, R_3, C_a, C_im, C0 (and K) the pressure ratio determines.
 

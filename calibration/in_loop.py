@@ -24,7 +24,14 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from calibration.alpha import calibrate_alpha
-from lumped import Condition, Propagator, Shooting, Surrogate, pressure_ratio, solve_periodic
+from lumped import (
+    HaemodynamicCondition,
+    Propagator,
+    Shooting,
+    Surrogate,
+    pressure_ratio,
+    solve_periodic,
+)
 
 RATIO_TOLERANCE = 0.002
 """Tolerance of the resting ratio of the 3D run: a fifth of the error of a good measurement [-]."""
@@ -73,7 +80,7 @@ class LoopFit(NamedTuple):
         return len(self.trials) - 1
 
 
-def surrogate_ratio(surrogate: Surrogate, condition: Condition, alpha: float) -> float:
+def surrogate_ratio(surrogate: Surrogate, condition: HaemodynamicCondition, alpha: float) -> float:
     """Resting ratio of a surrogate with a scale factor [-].
 
     Raises:
@@ -87,7 +94,7 @@ def surrogate_ratio(surrogate: Surrogate, condition: Condition, alpha: float) ->
 
 
 def next_alpha(
-    trials: Sequence[Trial], target: float, surrogate: Surrogate, condition: Condition
+    trials: Sequence[Trial], target: float, surrogate: Surrogate, condition: HaemodynamicCondition
 ) -> float:
     """Scale factor to try next.
 
@@ -124,7 +131,7 @@ def calibrate_in_loop(
     starts: Sequence[float],
     target: float,
     surrogate: Surrogate,
-    condition: Condition,
+    condition: HaemodynamicCondition,
     *,
     tolerance: float = RATIO_TOLERANCE,
     max_extra: int = MOST_EXTRA_RUNS,

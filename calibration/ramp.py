@@ -3,23 +3,23 @@
 The wall is prestressed at a pressure P_ref, then the drop over the artery grows at a constant rate;
 flow and drop are recorded. Linear least squares give::
 
-    one ramp:  ΔP = a Q + b Q|Q| + L dQ/dt
-    several:   ΔP = (a + a_P p) Q + (b + b_P p) Q|Q| + L dQ/dt,  p = (P_aorta + P_distal)/2 − P_ref
+    one ramp:  ΔP = R0 Q + K Q|Q| + L dQ/dt
+    several:   ΔP = (R0 + R_P p) Q + (K + K_P p) Q|Q| + L dQ/dt,  p = (P_aorta + P_distal)/2 − P_ref
 
 L is the inertance of the blood: the flow of a ramp grows, and a quick ramp would otherwise be read
 as resistance. p is the transmural pressure of the artery; in one ramp it is a function of the drop
 and cannot be told from the curve, in ramps of the aortic and of the distal pressure it can.
 
-The law is fitted in its weak form, ∫φ ΔP dt = a ∫φ Q dt + b ∫φ Q|Q| dt − L ∫φ' Q dt with hat
-functions φ of time. While a thin wall flutters for some milliseconds, dQ/dt is ten times that of
-the ramp; in a fit sample by sample this alone determines L (2 in place of 37 dyn·s²/cm⁵) and with
-it a.
+The law is fitted in its weak form, ∫φ ΔP dt = R0 ∫φ Q dt + K ∫φ Q|Q| dt − L ∫φ' Q dt with
+hat functions φ of time. While a thin wall flutters for some milliseconds, dQ/dt is ten times that
+of the ramp; in a fit sample by sample this alone determines L (2 in place of 37 dyn·s²/cm⁵) and
+with it R0.
 
 | resistance | |
 |---|---|
-| tangent at 40 mmHg | dΔP/dQ = √(a² + 4 b ΔP): the R0 of the paper |
+| tangent at 40 mmHg | dΔP/dQ = √(R0² + 4 K ΔP): the R0 of the paper's linear law |
 | secant at a drop | ΔP/Q: makes a linear surrogate exact at that drop |
-| curve | a and b: the surrogate of law ``quadratic`` |
+| curve | R0 and K: the surrogate of law ``quadratic`` |
 
 Errors: neighbouring residuals are correlated; with the correlation ρ at lag one, the effective
 number of n residuals is n (1 − ρ)/(1 + ρ).
@@ -89,10 +89,10 @@ class RampFit(eqx.Module):
     """A fitted ramp.
 
     Attributes:
-        law: ΔP = a Q + b Q|Q| at the reference pressure.
+        law: ΔP = R0 Q + K Q|Q| at the reference pressure.
         L: inertance [dyn·s²/cm⁵].
-        transmural: a_P [s/cm³] and b_P [s²/cm⁶] per dyn/cm²; zero where one ramp was fitted.
-        covariance: of a and b.
+        transmural: R_P [s/cm³] and K_P [s²/cm⁶] per dyn/cm²; zero where one ramp was fitted.
+        covariance: of R0 and K.
         rms: of the residuals [dyn/cm²].
         n_effective: independent residuals, one a hat function at most.
         largest_drop: of the record [dyn/cm²]; beyond it the law is an extrapolation.
@@ -111,13 +111,15 @@ class RampFit(eqx.Module):
     def tangent(self, dP: Parameter = PAPER_DROP) -> tuple[Array, Array]:
         """Slope dΔP/dQ at a drop [dyn/cm²] and its standard deviation, in dyn·s/cm⁵."""
         slope = self.law.tangent(dP)
-        gradient = jnp.stack([self.law.a, 2.0 * jnp.asarray(dP, float)]) / slope
+        gradient = jnp.stack([self.law.R0, 2.0 * jnp.asarray(dP, float)]) / slope
         return slope, self._sd(gradient)
 
     def secant(self, dP: Parameter) -> tuple[Array, Array]:
         """Resistance ΔP/Q at a drop [dyn/cm²] and its standard deviation, in dyn·s/cm⁵."""
         slope = self.law.tangent(dP)
-        gradient = jnp.stack([1.0 + self.law.a / slope, 2.0 * jnp.asarray(dP, float) / slope]) / 2.0
+        gradient = (
+            jnp.stack([1.0 + self.law.R0 / slope, 2.0 * jnp.asarray(dP, float) / slope]) / 2.0
+        )
         return self.law.secant(dP), self._sd(gradient)
 
     def _sd(self, gradient: Float[Array, " 2"]) -> Array:
@@ -133,7 +135,7 @@ def fit_ramp(
 ) -> RampFit:
     """Fit the curve of one ramp, or of several with the dependence on transmural pressure.
 
-    Differentiable in pressures and flow; times must be concrete. Where a or b would be negative,
+    Differentiable in pressures and flow; times must be concrete. Where R0 or K would be negative,
     which no artery has, it is set to zero and the other fitted again.
 
     Args:
@@ -199,9 +201,9 @@ def _fitted(X: Float[Array, "n k"], drop: Float[Array, " n"], largest: Array) ->
     result = RESULTS.where(flows & lawful, good, bad)
     result = RESULTS.where(finite, result, cast(Any, RESULTS.nonfinite))
     factor = nan_unless(is_successful(result))
-    law = PressureFlowLaw(a=1.0, b=1.0)  # what takes its place is NaN where there is no law
+    law = PressureFlowLaw(R0=1.0, K=1.0)  # what takes its place is NaN where there is no law
     return RampFit(
-        law=eqx.tree_at(lambda one: (one.a, one.b), law, (found[0] * factor, found[1] * factor)),
+        law=eqx.tree_at(lambda one: (one.R0, one.K), law, (found[0] * factor, found[1] * factor)),
         L=found[2] * factor,
         transmural=more * factor,
         covariance=variance * inverse[:2, :2] * factor,

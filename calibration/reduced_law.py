@@ -1,15 +1,15 @@
-"""Resistance of a lumen by a reduced law: ΔP = a Q + b Q|Q|, from its cross-sections alone.
+"""Resistance of a lumen by a reduced law: ΔP = R0 Q + K Q|Q|, from its cross-sections alone.
 
 The pressure drop from the aorta to the distal end of the lumen is, for a flow Q [cm³/s]::
 
-    ΔP = a Q + ½ ρ Q² ( K_c / A_o² + K_d / A_n² + K_e (1/A_n − 1/A_d)² + 1/A_d² − 1/A_u² )
-         viscous        contraction  development      expansion              velocity head
+    ΔP = R0 Q + ½ ρ Q² ( K_c / A_o² + K_d / A_n² + K_e (1/A_n − 1/A_d)² + 1/A_d² − 1/A_u² )
+         viscous         contraction  development      expansion              velocity head
 
 A_u, A_o, A_n, A_d: areas upstream (the aorta), of the ostium, of the narrowest cross-section and of
 the distal end. Pressures are static, as a catheter measures them: the velocity head at
 the distal end is part of the drop, that at the inlet is not.
 
-Viscous part. Fully developed flow, a = ∫ μ/G ds, with the conductance of a cross-section
+Viscous part. Fully developed flow, R0 = ∫ μ/G ds, with the conductance of a cross-section
 
     G = A⁴ / (16 π² I_p),        for an ellipse π A³B³ / (4 (A² + B²)) with semi-axes A, B.
 
@@ -33,7 +33,7 @@ Handbook of Hydraulic Resistance, chapters 3 and 4); `contraction_coefficient` g
 oblique take-off.
 
 Development. The flat profile of the entrance turns parabolic and loses more than developed flow.
-With the viscous drop Λ = a Q/(½ ρ Q²/A_n²) of the vessel, in velocity heads of its narrowest
+With the viscous drop Λ = R0 Q/(½ ρ Q²/A_n²) of the vessel, in velocity heads of its narrowest
 section, Muzychka and Yovanovich 2009, J Fluids Eng 131:111105, join the short-duct limit and
 developed flow, for any shape, as
 
@@ -63,7 +63,7 @@ _SHORT_DUCT = 3.44
 
 Q_REFERENCE = 100.0 * ML_PER_MIN
 """Flow at which the development loss is taken [cm³/s]: between rest and hyperaemia of an adult
-right coronary. Half or twice that flow moves b by less than a tenth on a real patient."""
+right coronary. Half or twice that flow moves K by less than a tenth on a real patient."""
 
 
 def _as_float(x: ArrayLike) -> Array:
@@ -76,48 +76,49 @@ def _safe_sqrt(x: Float[Array, "*t"]) -> Float[Array, "*t"]:
 
 
 class PressureFlowLaw(eqx.Module):
-    """ΔP = a Q + b Q|Q|, a resistance that grows with flow.
+    """ΔP = R0 Q + K Q|Q|, a resistance that grows with flow.
 
     Both coefficients are differentiated. They are not negative and not both zero, but for a small
-    negative b where a lumen widens. The methods take one law; a batch of laws goes through
+    negative K where a lumen widens. The methods take one law; a batch of laws goes through
     `jax.vmap`. Traced coefficients outside their range give NaN.
 
     Attributes:
-        a: resistance at zero flow [dyn·s/cm⁵].
-        b: quadratic coefficient [dyn·s²/cm⁸].
+        R0: resistance at zero flow [dyn·s/cm⁵].
+        K: quadratic coefficient [dyn·s²/cm⁸].
     """
 
-    a: Float[Array, "*batch"] = eqx.field(converter=_as_float)
-    b: Float[Array, "*batch"] = eqx.field(converter=_as_float)
+    R0: Float[Array, "*batch"] = eqx.field(converter=_as_float)
+    K: Float[Array, "*batch"] = eqx.field(converter=_as_float)
 
     def __check_init__(self):
-        if is_traced(self.a, self.b):
+        if is_traced(self.R0, self.K):
             return
-        a, b = np.asarray(self.a), np.asarray(self.b)
-        if not np.all(np.isfinite(a) & np.isfinite(b) & (a >= 0.0) & ((a > 0.0) | (b > 0.0))):
+        R0, K = np.asarray(self.R0), np.asarray(self.K)
+        finite = np.isfinite(R0) & np.isfinite(K)
+        if not np.all(finite & (R0 >= 0.0) & ((R0 > 0.0) | (K > 0.0))):
             raise ValueError(
-                f"The law a = {a} dyn·s/cm⁵, b = {b} dyn·s²/cm⁸ is that of no artery: a must not "
-                "be negative, and one of the two positive. Check the signs of flow and drop."
+                f"The law R0 = {R0} dyn·s/cm⁵, K = {K} dyn·s²/cm⁸ is that of no artery: R0 must "
+                "not be negative, and one of the two positive. Check the signs of flow and drop."
             )
 
     def pressure_drop(self, Q: Float[ArrayLike, "*t"]) -> Float[Array, "*t"]:
         """Pressure drop at a flow Q [cm³/s], in dyn/cm²; odd in Q."""
         Q = _as_float(Q)
-        return self.a * Q + self.b * Q * jnp.abs(Q)
+        return self.R0 * Q + self.K * Q * jnp.abs(Q)
 
     def tangent(self, dP: Float[ArrayLike, "*t"]) -> Float[Array, "*t"]:
         """Slope dΔP/dQ at a pressure drop dP [dyn/cm²], in dyn·s/cm⁵.
 
-        a + 2 b|Q| = √(a² + 4 b|ΔP|). At 40 mmHg it is the R0 of Puelz et al. (arXiv 2405.01703);
-        at a resting drop of a few mmHg it overstates the resistance.
+        R0 + 2 K|Q| = √(R0² + 4 K|ΔP|). At 40 mmHg it is the resistance of the linear law of Puelz
+        et al. (arXiv 2405.01703); at a resting drop of a few mmHg it overstates the resistance.
         """
-        square = self.a**2 + 4.0 * self.b * jnp.abs(_as_float(dP))
-        lawful = (self.a >= 0.0) & ((self.a > 0.0) | (self.b > 0.0)) & (square >= 0.0)
+        square = self.R0**2 + 4.0 * self.K * jnp.abs(_as_float(dP))
+        lawful = (self.R0 >= 0.0) & ((self.R0 > 0.0) | (self.K > 0.0)) & (square >= 0.0)
         return _safe_sqrt(square) * nan_unless(lawful)
 
     def secant(self, dP: Float[ArrayLike, "*t"]) -> Float[Array, "*t"]:
-        """Resistance ΔP/Q at a pressure drop dP [dyn/cm²], in dyn·s/cm⁵; a at dP = 0."""
-        return (self.a + self.tangent(dP)) / 2.0
+        """Resistance ΔP/Q at a pressure drop dP [dyn/cm²], in dyn·s/cm⁵; R0 at dP = 0."""
+        return (self.R0 + self.tangent(dP)) / 2.0
 
     def flow(self, dP: Float[ArrayLike, "*t"]) -> Float[Array, "*t"]:
         """Flow at a pressure drop dP [dyn/cm²], in cm³/s; odd in dP.
@@ -134,7 +135,7 @@ class LumenLosses(eqx.Module):
 
     Attributes:
         a_frames: share of each cross-section in the viscous resistance [dyn·s/cm⁵]; it shows
-            where along s the resistance sits and sums to a.
+            where along s the resistance sits and sums to R0.
         b_contraction: sudden contraction from the aorta into the ostium [dyn·s²/cm⁸].
         b_development: development of the velocity profile [dyn·s²/cm⁸].
         b_expansion: expansion behind the narrowest cross-section [dyn·s²/cm⁸].
@@ -163,7 +164,9 @@ class LumenLosses(eqx.Module):
     @property
     def law(self) -> PressureFlowLaw:
         """The sum of all parts."""
-        return PressureFlowLaw(a=self.a_viscous, b=self.b_entrance + self.b_expansion + self.b_head)
+        return PressureFlowLaw(
+            R0=self.a_viscous, K=self.b_entrance + self.b_expansion + self.b_head
+        )
 
 
 def conductance(lumen: Lumen) -> Float[Array, " frames"]:

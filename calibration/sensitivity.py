@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 
 from lumped import (
     AbstractPeriodicSolver,
-    Condition,
+    HaemodynamicCondition,
     Metrics,
     Network,
     PeriodicSolution,
@@ -63,7 +63,7 @@ class RatioResponse(NamedTuple):
 
 def ratio_response(
     surrogate: Surrogate,
-    condition: Condition,
+    condition: HaemodynamicCondition,
     *,
     rule: StressRule = REST_RULE,
     solver: AbstractPeriodicSolver | None = None,
@@ -91,7 +91,7 @@ def ratio_response(
     return RatioResponse(solution, metrics(solution), sensitivity)
 
 
-_Model = tuple[Surrogate, Condition, StressRule]
+_Model = tuple[Surrogate, HaemodynamicCondition, StressRule]
 
 
 def _mean_log_ratio(model: _Model) -> Array:

@@ -15,8 +15,8 @@ from calibration.alpha import AlphaFit, calibrate_alpha
 from lumped import (
     RESULTS,
     AbstractPeriodicSolver,
-    Condition,
     Fourier,
+    HaemodynamicCondition,
     Metrics,
     Shooting,
     StressRule,
@@ -53,7 +53,7 @@ class Sweep(eqx.Module):
 
 def simulate_many(
     surrogates: Surrogate,
-    conditions: Condition,
+    conditions: HaemodynamicCondition,
     *,
     rule: StressRule | None = None,
     n_samples: int = 256,
@@ -83,7 +83,7 @@ def simulate_many(
 @eqx.filter_jit
 def _simulate(
     surrogates: Surrogate,
-    conditions: Condition,
+    conditions: HaemodynamicCondition,
     rule: StressRule | None,
     *,
     n_samples: int,
@@ -94,7 +94,7 @@ def _simulate(
         Fourier(n_samples) if surrogates.K is None else Shooting(n_samples)
     )
 
-    def one(case: tuple[Surrogate, Condition, StressRule | None]) -> Sweep:
+    def one(case: tuple[Surrogate, HaemodynamicCondition, StressRule | None]) -> Sweep:
         surrogate, condition, stress = case
         network = surrogate.network(condition, rule=stress)
         solution = solve_periodic(network, condition.period, solver, throw=False)
@@ -128,7 +128,7 @@ def map_cases(function: Any, cases: Any, *, batch_size: int) -> Any:
 
 def sweep_alpha(
     surrogate: Surrogate,
-    condition: Condition,
+    condition: HaemodynamicCondition,
     alphas: Float[Array, " n"],
     *,
     rule: StressRule | None = None,
@@ -189,13 +189,13 @@ class Calibrations(eqx.Module):
 
     fit: AlphaFit
     d_surrogate: Surrogate | None
-    d_condition: Condition | None
+    d_condition: HaemodynamicCondition | None
     d_target: Float[Array, "*cases"] | None
 
 
 def calibrate_many(
     surrogates: Surrogate,
-    conditions: Condition,
+    conditions: HaemodynamicCondition,
     targets: Parameter,
     *,
     derivatives: bool = False,
@@ -223,7 +223,7 @@ def calibrate_many(
 @eqx.filter_jit
 def _calibrate(
     surrogates: Surrogate,
-    conditions: Condition,
+    conditions: HaemodynamicCondition,
     targets: Array,
     *,
     derivatives: bool,

@@ -16,8 +16,8 @@ from jaxtyping import Array, ArrayLike, Float
 from lumped import (
     AbstractPeriodicSolver,
     AbstractWaveform,
-    Condition,
     Fourier,
+    HaemodynamicCondition,
     Network,
     PeriodicSolution,
     Shooting,
@@ -220,7 +220,7 @@ class Experiment(eqx.Module):
         solver: periodic solver; by default `Fourier` for linear surrogates, else `Shooting`.
     """
 
-    condition: Condition
+    condition: HaemodynamicCondition
     targets: tuple[Residuals, ...] = eqx.field(converter=tuple)
     rule: StressRule | None = None
     inlet: AbstractWaveform | None = None

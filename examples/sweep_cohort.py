@@ -11,7 +11,7 @@ from lumped import MMHG
 rng = np.random.default_rng(1)
 R0 = jnp.asarray(rng.uniform(1e3, 1e4, 20))
 alphas = jnp.geomspace(0.02, 2.0, 50)
-conditions = lumped.Condition(
+conditions = lumped.HaemodynamicCondition(
     P_systolic=jnp.array([110.0, 130.0]) * MMHG,
     P_diastolic=jnp.array([65.0, 70.0]) * MMHG,
     period=jnp.array([0.8, 0.45]),

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from lumped.statespace import StateSpace, algebraic, field, is_index_one, state_space
     from lumped.stress import StressRule, scale_resistances, scaled, stress_rule, transition
     from lumped.surrogate import (
-        Condition,
+        HaemodynamicCondition,
         Surrogate,
         condition_from_clinic,
         ffr_divider,

@@ -39,7 +39,7 @@ from lumped.vessels import Vessel
 from lumped.waveforms import AbstractWaveform, AorticPressure, VentricularPressure
 
 
-class Condition(eqx.Module):
+class HaemodynamicCondition(eqx.Module):
     """A haemodynamic condition of a patient.
 
     Attributes:
@@ -63,9 +63,11 @@ class Condition(eqx.Module):
 
 def condition_from_clinic(
     P_systolic_mmHg: Parameter, P_diastolic_mmHg: Parameter, period_s: Parameter
-) -> Condition:
+) -> HaemodynamicCondition:
     """A condition from pressures in mmHg and the cycle length in s."""
-    return Condition(real(P_systolic_mmHg) * MMHG, real(P_diastolic_mmHg) * MMHG, period_s)
+    return HaemodynamicCondition(
+        real(P_systolic_mmHg) * MMHG, real(P_diastolic_mmHg) * MMHG, period_s
+    )
 
 
 class Surrogate(eqx.Module):
@@ -93,7 +95,7 @@ class Surrogate(eqx.Module):
 
     def network(
         self,
-        condition: Condition,
+        condition: HaemodynamicCondition,
         *,
         rule: StressRule | None = None,
         inlet: AbstractWaveform | None = None,

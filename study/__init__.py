@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from study.report.page import html_report
     from study.report.remarks import Note, notes, verdict
     from study.report.results import case_document
-    from study.run.patient import Model, Patient, Vessel, load_patient
+    from study.run.patient import ContouredArtery, Patient, ReducedModel, load_patient
     from study.run.pipeline import run_case
     from study.run.progress import Progress
     from study.run.reduced_results import Calibration, CaseResult, Run, Tuning

@@ -7,7 +7,7 @@ forms of `truth`; sensors are those of `sensors`. `python -m benchmarks.blind di
 diagnoses the records as those of other tiers, `python -m benchmarks.blind.score_3d DIR` opens the
 labels.
 
-The diagnosis is given the curve of the ramp, ΔP = a Q + b Q|Q| + L dQ/dt; where the quadratic loss
+The diagnosis is given the curve of the ramp, ΔP = R0 Q + K Q|Q| + L dQ/dt; where the quadratic loss
 is withheld, its secant at the drop at rest stands for a and b. Sizes are the geometric means of
 their ranges. Runs are kept below DIR: the same command goes on where it was ended.
 """
@@ -28,7 +28,14 @@ from benchmarks.blind.sensors import seen
 from benchmarks.blind.truth import RANGES, SAMPLED, Lanes, TruthCircuit
 from lumped import MMHG, MMHG_S_PER_ML, Coronary, Sampled, sampled
 from study.case.condition import Condition
-from study.run.driven_beat import PHASES, Beat, Drive, driven_beat, fingerprint, known_difference
+from study.run.driven_beat import (
+    PHASES,
+    Drive,
+    DrivenBeat,
+    driven_beat,
+    fingerprint,
+    known_difference,
+)
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress
 from study.run.run_context import RunContext
@@ -167,7 +174,7 @@ def _mark(k: int) -> str:
 
 def beats_of(
     study: FinishedStudy, context: RunContext, cause: str, size: float, passes: int = 1
-) -> list[Beat]:
+) -> list[DrivenBeat]:
     """The beat of each condition with an effect; those that it does not change are run once."""
     differences = differences_of(study, context, passes)
     usual = drives_of(study, lanes_of(study, NULL, 0.0), differences)

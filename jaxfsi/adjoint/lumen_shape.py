@@ -74,7 +74,7 @@ def lumen_surface(mesh: Mesh) -> LumenSurface:
     return LumenSurface(nodes, triangles, mesh.points[nodes], normal, area)
 
 
-class Spread:
+class HarmonicExtension:
     """A displacement of some nodes spread harmonically over elements, and its transpose."""
 
     def __init__(
@@ -122,10 +122,10 @@ class Spread:
         return own * self._moves[:, None]
 
 
-def lumen_spread(mesh: Mesh, surface: LumenSurface) -> Spread:
+def lumen_spread(mesh: Mesh, surface: LumenSurface) -> HarmonicExtension:
     """The field of a shift of the lumen: openings stay, the wall goes along."""
     caps = [mesh.labelled(name).ravel() for name in mesh.openings]
-    return Spread(mesh, surface.nodes, np.unique(np.concatenate(caps)))
+    return HarmonicExtension(mesh, surface.nodes, np.unique(np.concatenate(caps)))
 
 
 def density(
@@ -134,7 +134,7 @@ def density(
     """Derivative per shift outwards and area, smoothed [1/cm³ times the unit of the number].
 
     Args:
-        g: derivative by the nodes of the surface, see `Spread.gathered`.
+        g: derivative by the nodes of the surface, see `HarmonicExtension.gathered`.
         surface: the surface.
         length: over which it is smoothed [cm]; 0 leaves it as it is.
     """
@@ -166,7 +166,7 @@ def thickness_field(mesh: Mesh, surface: LumenSurface) -> Float[np.ndarray, "nod
     near = KDTree(surface.points).query(mesh.points[outer])[1]
     normal = surface.normal[near]
     away = np.sum((mesh.points[outer] - surface.points[near]) * normal, axis=1)
-    spread = Spread(mesh, outer, surface.nodes, mesh.region == Region.SOLID)
+    spread = HarmonicExtension(mesh, outer, surface.nodes, mesh.region == Region.SOLID)
     return spread(np.maximum(away, 0.0)[:, None] * normal)
 
 

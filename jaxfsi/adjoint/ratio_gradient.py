@@ -31,7 +31,7 @@ from jaxfsi.core.step.step import RESULTS, advance_step
 from jaxfsi.core.step.stepper import Stepper
 
 
-class Reading(eqx.Module):
+class RatioSensors(eqx.Module):
     """Where the two pressures of a ratio are read.
 
     Attributes:
@@ -82,7 +82,7 @@ class RatioGradient(NamedTuple):
     state: State
 
 
-class Kept(Protocol):
+class SweepStore(Protocol):
     """Where a sweep keeps what it has gathered, to go on from after an interruption."""
 
     def load(self) -> dict[str, np.ndarray] | None:
@@ -100,7 +100,7 @@ Tell = Callable[[str, int, int], None]
 
 @eqx.filter_jit
 def advance_part(
-    model: Model, state: State, stepper: Stepper, reading: Reading, n_steps: int
+    model: Model, state: State, stepper: Stepper, reading: RatioSensors, n_steps: int
 ) -> Part:
     """Take a chunk of equal steps.
 
@@ -125,7 +125,7 @@ def _pulled(
     model: Model,
     state: State,
     stepper: Stepper,
-    reading: Reading,
+    reading: RatioSensors,
     n_steps: int,
     by_end: State,
     by_sums: Float[Array, " 2"],
@@ -145,12 +145,12 @@ def ratio_gradient(
     model: Model,
     state: State,
     stepper: Stepper,
-    reading: Reading,
+    reading: RatioSensors,
     *,
     n_steps: int,
     per_cycle: int | None = None,
     chunk: int = 10,
-    kept: Kept | None = None,
+    kept: SweepStore | None = None,
     tell: Tell | None = None,
 ) -> RatioGradient:
     """Ratio of a run and its derivative by model and start.
@@ -233,7 +233,7 @@ def _check_steps(part: Part, done: int) -> None:
         )
 
 
-def _kept_before(gathered: _Gathered, kept: Kept | None) -> _Gathered:
+def _kept_before(gathered: _Gathered, kept: SweepStore | None) -> _Gathered:
     """What an earlier sweep of the same run kept, if anything."""
     found: dict[str, Any] | None = None if kept is None else kept.load()
     leaves, tree = jax.tree.flatten(gathered)

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from jaxfsi.anatomy.sources.parameters import (
         PARAMETER_RANGES,
         ParameterFault,
-        SyntheticAnatomy,
+        SyntheticParameters,
         adult_anatomy,
         check_parameters,
         coronary_diameter,
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from jaxfsi.anatomy.sources.surface import Cut, SurfaceOptions, surface_anatomy
     from jaxfsi.anatomy.sources.synthetic import synthetic_anatomy, synthetic_vessels
     from jaxfsi.anatomy.surfaces.triangles import Triangles, read_triangles
-    from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_distance, lumen_function
+    from jaxfsi.anatomy.vessels import VesselTube, local_half_width, lumen_distance, lumen_function
     from jaxfsi.anatomy.wall import (
         requested_thickness,
         thickness_from_radius,

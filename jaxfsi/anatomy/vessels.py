@@ -21,7 +21,7 @@ _SHARE_WIDTH = 0.03  # over which a property passes from one vessel to the next 
 
 
 @dataclasses.dataclass(frozen=True)
-class Vessel:
+class VesselTube:
     """A tube and what belongs to each place along it (at the samples of its axis).
 
     Attributes:
@@ -39,7 +39,7 @@ class Vessel:
     blend: Float[np.ndarray, " samples"]
 
 
-def vessel_feet(vessels: Sequence[Vessel], points: Float[np.ndarray, "points 3"]) -> list[Foot]:
+def vessel_feet(vessels: Sequence[VesselTube], points: Float[np.ndarray, "points 3"]) -> list[Foot]:
     """Foot of the points on each vessel; branches (all but the first) only within reach."""
     reaches = [np.inf] + [_REACH] * (len(vessels) - 1)
     return [
@@ -49,13 +49,13 @@ def vessel_feet(vessels: Sequence[Vessel], points: Float[np.ndarray, "points 3"]
 
 
 def along(
-    vessel: Vessel, values: Float[np.ndarray, " samples"], foot: Foot
+    vessel: VesselTube, values: Float[np.ndarray, " samples"], foot: Foot
 ) -> Float[np.ndarray, " points"]:
     """Values given along a vessel, at the feet of points."""
     return np.interp(foot.s, vessel.tube.axis.s, values)
 
 
-def united(vessels: Sequence[Vessel], feet: Sequence[Foot]) -> Float[np.ndarray, " points"]:
+def united(vessels: Sequence[VesselTube], feet: Sequence[Foot]) -> Float[np.ndarray, " points"]:
     """Lumen function L [cm] from the feet on all vessels."""
     value = feet[0].distance
     for vessel, foot in zip(vessels[1:], feet[1:], strict=True):
@@ -64,7 +64,7 @@ def united(vessels: Sequence[Vessel], feet: Sequence[Foot]) -> Float[np.ndarray,
 
 
 def lumen_distance(
-    vessels: Sequence[Vessel], points: Float[np.ndarray, "points 3"]
+    vessels: Sequence[VesselTube], points: Float[np.ndarray, "points 3"]
 ) -> Float[np.ndarray, " points"]:
     """Lumen function L [cm], negative in the blood.
 
@@ -76,9 +76,9 @@ def lumen_distance(
 
 
 def shared(
-    vessels: Sequence[Vessel],
+    vessels: Sequence[VesselTube],
     feet: Sequence[Foot],
-    select: Callable[[Vessel], Float[np.ndarray, " samples"]],
+    select: Callable[[VesselTube], Float[np.ndarray, " samples"]],
 ) -> Float[np.ndarray, " points"]:
     """A positive property of the nearest vessel, passing smoothly from one to the next.
 
@@ -92,19 +92,19 @@ def shared(
     return np.exp(np.sum(weight * np.log(values), axis=0) / np.sum(weight, axis=0))
 
 
-def _half_width(vessel: Vessel) -> Float[np.ndarray, " samples"]:
+def _half_width(vessel: VesselTube) -> Float[np.ndarray, " samples"]:
     return vessel.half_width
 
 
 def local_half_width(
-    vessels: Sequence[Vessel], points: Float[np.ndarray, "points 3"]
+    vessels: Sequence[VesselTube], points: Float[np.ndarray, "points 3"]
 ) -> Float[np.ndarray, " points"]:
     """Half the smallest width of the lumen that is nearest to each point [cm]."""
     return shared(vessels, vessel_feet(vessels, points), _half_width)
 
 
 def lumen_function(
-    vessels: Sequence[Vessel],
+    vessels: Sequence[VesselTube],
 ) -> Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, " points"]]:
     """The lumen function of some vessels as a function of position only (it can be pickled)."""
     return partial(lumen_distance, tuple(vessels))

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxfsi.anatomy.implicit import Foot, smooth_minimum
-from jaxfsi.anatomy.vessels import Vessel, along, shared, united, vessel_feet
+from jaxfsi.anatomy.vessels import VesselTube, along, shared, united, vessel_feet
 
 _FLOOR = 0.6
 _ROUNDING = 0.25  # of the span between the limits, at each corner of the clip
@@ -56,11 +56,11 @@ def thickness_from_radius(
     return np.clip(raised, minimum, maximum)
 
 
-def _thickness(vessel: Vessel) -> Float[np.ndarray, " samples"]:
+def _thickness(vessel: VesselTube) -> Float[np.ndarray, " samples"]:
     return vessel.thickness
 
 
-def offset(vessels: Sequence[Vessel], feet: Sequence[Foot]) -> Float[np.ndarray, " points"]:
+def offset(vessels: Sequence[VesselTube], feet: Sequence[Foot]) -> Float[np.ndarray, " points"]:
     """Outer wall function W [cm] from the feet on all vessels."""
     value: Float[np.ndarray, " points"] | None = None
     for vessel, foot in zip(vessels, feet, strict=True):
@@ -72,7 +72,7 @@ def offset(vessels: Sequence[Vessel], feet: Sequence[Foot]) -> Float[np.ndarray,
 
 
 def wall_distance(
-    vessels: Sequence[Vessel], points: Float[np.ndarray, "points 3"]
+    vessels: Sequence[VesselTube], points: Float[np.ndarray, "points 3"]
 ) -> Float[np.ndarray, " points"]:
     """Outer wall function W [cm], negative inside the outer surface.
 
@@ -84,7 +84,7 @@ def wall_distance(
 
 
 def requested_thickness(
-    vessels: Sequence[Vessel], points: Float[np.ndarray, "points 3"]
+    vessels: Sequence[VesselTube], points: Float[np.ndarray, "points 3"]
 ) -> Float[np.ndarray, " points"]:
     """Wall thickness asked for at points of the lumen's surface [cm], that of the nearest vessel.
 
@@ -94,7 +94,7 @@ def requested_thickness(
 
 
 def wall_function(
-    vessels: Sequence[Vessel],
+    vessels: Sequence[VesselTube],
 ) -> Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, " points"]]:
     """The wall function of some vessels as a function of position only (it can be pickled)."""
     return partial(wall_distance, tuple(vessels))

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_files.refusal import MeshFileError
 from jaxfsi.mesh_files.renaming import renamed
-from jaxfsi.meshing.check.topology import Fault, check_topology, unlabelled_faults
+from jaxfsi.meshing.check.topology import TopologyFault, check_topology, unlabelled_faults
 
 
 def accepted(
@@ -41,7 +41,7 @@ def check_cells(mesh: Mesh, path: pathlib.Path) -> None:
     refuse_faults(unlabelled_faults(mesh), path)
 
 
-def refuse_faults(faults: Sequence[Fault], path: pathlib.Path) -> None:
+def refuse_faults(faults: Sequence[TopologyFault], path: pathlib.Path) -> None:
     """Raise one error that lists faults with their places, and their cures.
 
     Raises:

@@ -9,15 +9,15 @@ if TYPE_CHECKING:
     from jaxfsi.meshing.build import MeshReport, MeshResult, build_mesh
     from jaxfsi.meshing.check.fidelity import Fidelity, elements_across, mesh_fidelity
     from jaxfsi.meshing.check.quality import (
+        Distribution,
         Quality,
-        Spread,
         ThroughEdges,
         mesh_quality,
         through_edges,
     )
     from jaxfsi.meshing.check.tet_quality import TetQuality, tet_quality
     from jaxfsi.meshing.check.thickness import Exit, WallThickness, wall_thickness
-    from jaxfsi.meshing.check.topology import Fault, TopologyReport, check_topology
+    from jaxfsi.meshing.check.topology import TopologyFault, TopologyReport, check_topology
     from jaxfsi.meshing.isolate import MeshingError
     from jaxfsi.meshing.labels import find_openings, label_faces, labelled_mesh, outward
     from jaxfsi.meshing.presets import PRESETS

@@ -19,7 +19,7 @@ from jaxfsi.mesh_parts import reordered
 from jaxfsi.meshing.check.fidelity import Fidelity, mesh_fidelity
 from jaxfsi.meshing.check.quality import Quality, mesh_quality
 from jaxfsi.meshing.check.topology import TopologyReport, check_topology
-from jaxfsi.meshing.demands import Request, check_demands
+from jaxfsi.meshing.demands import MeshRequest, check_demands
 from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
 from jaxfsi.meshing.labels import label_faces
 from jaxfsi.meshing.presets import PRESETS
@@ -165,7 +165,7 @@ def build_mesh(
         ValueError: the request or the anatomy cannot be meshed at all.
         MeshingError: no attempt gave a mesh that passes the checks.
     """
-    request = Request(preset, elements_across, wall_layers, backend)
+    request = MeshRequest(preset, elements_across, wall_layers, backend)
     check_demands(anatomy, request, smallest=ATTEMPTS[-1].lattice.smallest)
     anatomy = dataclasses.replace(anatomy, openings=canonically_ordered(anatomy.openings))
     faults: list[str] = []
@@ -189,7 +189,7 @@ def build_mesh(
 
 
 def _attempted(
-    anatomy: Anatomy, attempt: Attempt, request: Request, stages: _Stages
+    anatomy: Anatomy, attempt: Attempt, request: MeshRequest, stages: _Stages
 ) -> tuple[Mesh, TopologyReport, Quality, Fidelity]:
     complex_, field = _surfaces(anatomy, attempt, request, stages)
     stages.enter("filling")
@@ -206,7 +206,7 @@ def _attempted(
 def _surfaces(
     anatomy: Anatomy,
     attempt: Attempt,
-    request: Request,
+    request: MeshRequest,
     stages: _Stages,
 ) -> tuple[Complex, SizeField]:
     functions = (anatomy.lumen, anatomy.wall)

@@ -14,7 +14,7 @@ _MOST_LAYERS = 8
 _LARGEST_CM = 100.0
 
 
-class Request(NamedTuple):
+class MeshRequest(NamedTuple):
     """What is asked of a mesh.
 
     Attributes:
@@ -30,7 +30,7 @@ class Request(NamedTuple):
     backend: str
 
 
-def check_demands(anatomy: Anatomy, request: Request, *, smallest: float) -> None:
+def check_demands(anatomy: Anatomy, request: MeshRequest, *, smallest: float) -> None:
     """Refuse a request or an anatomy that cannot be meshed, naming all faults.
 
     Args:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jaxfsi.simulation.chunk import Chunk, advance_chunk
     from jaxfsi.simulation.field_series import FieldSeries
     from jaxfsi.simulation.observer import AbstractObserver
-    from jaxfsi.simulation.record import Record, mean_over, write_csv
+    from jaxfsi.simulation.record import StepHistory, mean_over, write_csv
     from jaxfsi.simulation.shear_cycle import ShearCycle, ShearMeans
     from jaxfsi.simulation.simulation import (
         ProgressRecord,

@@ -19,7 +19,7 @@ import numpy as np
 from jaxfsi.core.step.state import State
 from jaxfsi.fields.npz import load_arrays
 from jaxfsi.simulation.observer import ObserverState
-from jaxfsi.simulation.record import Record
+from jaxfsi.simulation.record import StepHistory
 from jaxfsi.simulation.step_control import Position
 from jaxfsi.text_files import why
 from lumped.whole_files import write_whole
@@ -57,7 +57,7 @@ class Checkpoint(NamedTuple):
 
     state: State
     position: Position
-    record: Record
+    record: StepHistory
     events: list[dict[str, Any]]
     observer_states: dict[str, ObserverState]
 
@@ -162,7 +162,7 @@ def load_checkpoint(
     return Checkpoint(
         jax.tree.unflatten(structure, stored),
         Position(*head["position"]),
-        Record(**{name: arrays[f"record.{name}"] for name in Record._fields}),
+        StepHistory(**{name: arrays[f"record.{name}"] for name in StepHistory._fields}),
         head["events"],
         {
             owner: {name: arrays[f"observer.{owner}.{name}"] for name in saved_state}

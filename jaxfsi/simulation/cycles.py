@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxfsi.opening import INLET, SEGMENT_INLET, distal_name, inlet_name, is_opening
-from jaxfsi.simulation.record import Record, port_flow, port_pressure
+from jaxfsi.simulation.record import StepHistory, port_flow, port_pressure
 from lumped.units import ML_PER_MIN, MMHG
 
 
@@ -68,7 +68,7 @@ class Inlet(NamedTuple):
     P_mmHg: Float[np.ndarray, " times"]
 
 
-def cycle_means(record: Record, names: tuple[str, ...], period: float) -> list[CycleMeans]:
+def cycle_means(record: StepHistory, names: tuple[str, ...], period: float) -> list[CycleMeans]:
     """Means, least and largest values of each opening in each cycle, steps weighed by length.
 
     Args:
@@ -112,7 +112,7 @@ def _spread(P: np.ndarray, Q: np.ndarray, weight: np.ndarray) -> PortMeans:
     )
 
 
-def inlet_of(record: Record, names: Sequence[str]) -> Inlet:
+def inlet_of(record: StepHistory, names: Sequence[str]) -> Inlet:
     """The aortic pressure of a run.
 
     Args:
@@ -139,7 +139,7 @@ class Waveforms:
     Q_ml_per_min: Float[np.ndarray, " times"]
 
 
-def waveforms(record: Record, names: Sequence[str], distal: str, most: int) -> Waveforms:
+def waveforms(record: StepHistory, names: Sequence[str], distal: str, most: int) -> Waveforms:
     """Pressures and flow of an outlet over a run, thinned where there are many steps.
 
     Args:

@@ -15,7 +15,7 @@ from lumped.units import ML_PER_MIN, MMHG
 from lumped.whole_files import write_whole
 
 
-class Record(NamedTuple):
+class StepHistory(NamedTuple):
     """All steps of a run.
 
     Attributes:
@@ -48,28 +48,30 @@ class Record(NamedTuple):
         return len(self.t)
 
 
-def empty_record(n_ports: int) -> Record:
+def empty_record(n_ports: int) -> StepHistory:
     """A record without steps."""
     rows, counts = np.zeros(0), np.zeros(0, np.int64)
     ports = np.zeros((0, n_ports))
-    return Record(rows, rows, rows, ports, ports, counts, counts, rows, rows, rows)
+    return StepHistory(rows, rows, rows, ports, ports, counts, counts, rows, rows, rows)
 
 
-def joined(records: list[Record]) -> Record:
+def joined(records: list[StepHistory]) -> StepHistory:
     """Records of consecutive steps as one."""
     if len(records) == 1:
         return records[0]
-    return Record(*(np.concatenate(parts) for parts in zip(*records, strict=True)))
+    return StepHistory(*(np.concatenate(parts) for parts in zip(*records, strict=True)))
 
 
-def mean_over(record: Record, t_from: float) -> tuple[np.ndarray, np.ndarray]:
+def mean_over(record: StepHistory, t_from: float) -> tuple[np.ndarray, np.ndarray]:
     """Means of pressure [dyn/cm²] and flow [cm³/s] of each port since a time, steps by length."""
     late = record.t > t_from + 0.5 * float(np.min(record.dt, initial=np.inf))
     weight = record.dt[late] / np.sum(record.dt[late])
     return weight @ record.P_port[late], weight @ record.Q_port[late]
 
 
-def port_pressure(record: Record, names: Sequence[str], name: str) -> Float[np.ndarray, " steps"]:
+def port_pressure(
+    record: StepHistory, names: Sequence[str], name: str
+) -> Float[np.ndarray, " steps"]:
     """Mean pressure of one port at each step [dyn/cm²].
 
     Args:
@@ -80,7 +82,7 @@ def port_pressure(record: Record, names: Sequence[str], name: str) -> Float[np.n
     return record.P_port[:, names.index(name)]
 
 
-def port_flow(record: Record, names: Sequence[str], name: str) -> Float[np.ndarray, " steps"]:
+def port_flow(record: StepHistory, names: Sequence[str], name: str) -> Float[np.ndarray, " steps"]:
     """Flow out of one port at each step [cm³/s]; see `port_pressure`."""
     return record.Q_port[:, names.index(name)]
 
@@ -95,7 +97,7 @@ def columns(names: tuple[str, ...]) -> list[str]:
     ]
 
 
-def write_csv(path: pathlib.Path, record: Record, names: tuple[str, ...]) -> None:
+def write_csv(path: pathlib.Path, record: StepHistory, names: tuple[str, ...]) -> None:
     """Write the record of a run; an old file is replaced as a whole."""
     table = np.column_stack(
         [

@@ -26,7 +26,7 @@ from jaxfsi.simulation.checkpoint import (
 )
 from jaxfsi.simulation.chunk import Chunk, advance_chunk
 from jaxfsi.simulation.observer import AbstractObserver
-from jaxfsi.simulation.record import Record, empty_record, joined
+from jaxfsi.simulation.record import StepHistory, empty_record, joined
 from jaxfsi.simulation.step_control import (
     Position,
     StepControl,
@@ -77,7 +77,7 @@ class ProgressRecord(NamedTuple):
     P_port: np.ndarray
     Q_port: np.ndarray
     n_gmres: int
-    record: Record
+    record: StepHistory
 
 
 class Simulation(NamedTuple):
@@ -91,7 +91,7 @@ class Simulation(NamedTuple):
     """
 
     state: State
-    record: Record
+    record: StepHistory
     events: list[dict[str, Any]]
     resumed_from: int | None
 
@@ -322,10 +322,10 @@ def _rescaled(state: State, ratio: float) -> State:
 
 def _joined_rows(
     run: Checkpoint, end: Chunk, n_good: int, stepper: Stepper, control: StepControl
-) -> Record:
+) -> StepHistory:
     history, report = end.history, end.history.report
     ticks = run.position.tick + stride(run.position.level, control) * np.arange(1, n_good + 1)
-    rows = Record(
+    rows = StepHistory(
         ticks / stride(0, control),
         np.asarray(history.t)[:n_good],
         np.full(n_good, float(stepper.dt)),

@@ -28,7 +28,7 @@ from jaxfsi.core.step.state import State, initial_state
 from jaxfsi.core.step.stepper import Stepper, prepare
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.meshing.labels import label_faces
-from jaxfsi.meshing.structured.prisms import Section, extruded
+from jaxfsi.meshing.structured.prisms import PlaneMesh, extruded
 from jaxfsi.opening import Opening
 from lumped.parameters import Parameter
 from lumped.waveforms import Constant
@@ -71,7 +71,7 @@ def channel_mesh(n: int) -> Mesh:
     return label_faces(points, tets, region, openings)
 
 
-def _channel_section(n: int) -> Section:
+def _channel_section(n: int) -> PlaneMesh:
     """Quadrilaterals round the cylinder and in two rectangles before and behind it, halved."""
     x0, y0 = CENTRE
     before, behind = x0 - y0, x0 + HEIGHT - y0
@@ -113,7 +113,7 @@ def _halved(nodes: np.ndarray) -> np.ndarray:
     return np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)])
 
 
-def _joined(points: np.ndarray, triangles: np.ndarray) -> Section:
+def _joined(points: np.ndarray, triangles: np.ndarray) -> PlaneMesh:
     """Points that coincide made one, triangles turned counter-clockwise."""
     _, first, index = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
     points, triangles = points[first], index.reshape(-1)[triangles]
@@ -121,7 +121,7 @@ def _joined(points: np.ndarray, triangles: np.ndarray) -> Section:
     (bx, by), (cx, cy) = b - a, c - a
     turned = bx * cy < by * cx
     triangles[turned] = triangles[turned][:, ::-1]
-    return Section(points, triangles, np.full(len(triangles), int(Region.FLUID)))
+    return PlaneMesh(points, triangles, np.full(len(triangles), int(Region.FLUID)))
 
 
 def channel_model(mesh: Mesh) -> Model:

@@ -104,7 +104,7 @@ def _developed(turn: complex, x, y, z, problem: RigidTube) -> tuple[np.ndarray, 
     return w, (problem.mean + np.real(wave)) * (1.0 - z / problem.length)
 
 
-class Section(NamedTuple):
+class MidSection(NamedTuple):
     """What is measured in the middle of the tube.
 
     Attributes:
@@ -120,13 +120,13 @@ class Section(NamedTuple):
     flow: float
 
 
-def middle_section(state: State, model: Model, problem: RigidTube) -> Section:
+def middle_section(state: State, model: Model, problem: RigidTube) -> MidSection:
     """Velocity, pressure gradient and flow of a state."""
     x, y, z = np.asarray(model.x)
     near, middle, far = (_nearest(z, share * problem.length) for share in (1 / 3, 1 / 2, 2 / 3))
     p = np.asarray(state.p)
     drop = np.mean(p[near]) - np.mean(p[far])
-    return Section(
+    return MidSection(
         np.hypot(x, y)[middle],
         np.asarray(state.u)[2, middle],
         float(drop / (np.mean(z[far]) - np.mean(z[near]))),
@@ -152,7 +152,7 @@ class FlowErrors(NamedTuple):
     profile: float
 
 
-def poiseuille_errors(section: Section, problem: RigidTube) -> FlowErrors:
+def poiseuille_errors(section: MidSection, problem: RigidTube) -> FlowErrors:
     """A steady section against Poiseuille's flow."""
     exact = 8.0 * problem.mu / (np.pi * problem.radius**4)
     peak = section.gradient * problem.radius**2 / (4.0 * problem.mu)
@@ -163,7 +163,7 @@ def poiseuille_errors(section: Section, problem: RigidTube) -> FlowErrors:
     )
 
 
-def womersley_errors(cosine: Section, sine: Section, problem: RigidTube) -> FlowErrors:
+def womersley_errors(cosine: MidSection, sine: MidSection, problem: RigidTube) -> FlowErrors:
     """Sections at ωt = 0 and ωt = 3π/2 (modulo 2π) against Womersley's flow.
 
     A quantity Re(A e^(iωt)) has the values Re A and Im A there.

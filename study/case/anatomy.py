@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 from pydantic.dataclasses import dataclass
 
 from jaxfsi.anatomy.sources.parameters import PARAMETER_RANGES
-from jaxfsi.anatomy.sources.parameters import SyntheticAnatomy as Drawn
+from jaxfsi.anatomy.sources.parameters import SyntheticParameters as Drawn
 from lumped.units import MM
 from study.case.schema import Key, Location, Number, Quantity, Word, keys_of
 
@@ -137,7 +137,7 @@ class SyntheticAnatomy:
         ),
     ] = None  # fmt: skip
     given: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    """Parameters of `jaxfsi.anatomy.SyntheticAnatomy` that are given, by name [cm, rad]."""
+    """Parameters of `jaxfsi.anatomy.SyntheticParameters` that are given, by name [cm, rad]."""
     kind: Literal["synthetic"] = "synthetic"
 
 
@@ -232,7 +232,7 @@ def _parameter(name: str, low: float, high: float, unit: str) -> Quantity:
 
 @functools.cache
 def _described() -> dict[str, str]:
-    """What `jaxfsi.anatomy.SyntheticAnatomy` says of each of its parameters."""
+    """What `jaxfsi.anatomy.SyntheticParameters` says of each of its parameters."""
     found, name = {}, ""
     for line in (Drawn.__doc__ or "").partition("Attributes:")[2].splitlines():
         start, colon, text = line.strip().partition(": ")

@@ -17,7 +17,7 @@ from study.case.condition import CONDITION_NAME, MOST_CONDITIONS
 from study.case.ostium import Uncertain
 from study.case.parameters import STRESS_FACTORS, ThicknessBounds
 from study.case.schema import FREE_TEXT, Flag, Key, Quantity, Word, keys_of, readable, spellings
-from study.case.sections import CASE, CONDITION_SLOT, RECORD, Section
+from study.case.sections import CASE, CONDITION_SLOT, RECORD, FileTable
 from study.case.template import default_of
 
 VERSION = 1
@@ -114,7 +114,7 @@ _TABLES_INSTEAD = {"thickness_per_radius": keys_of(ThicknessBounds), "R0": keys_
 """Keys that take a table as well as a number."""
 
 
-def _conditions(section: Section) -> Schema:
+def _conditions(section: FileTable) -> Schema:
     """Tables by the name of the condition."""
     return {
         "type": "object",
@@ -125,7 +125,7 @@ def _conditions(section: Section) -> Schema:
     }
 
 
-def _anatomy(section: Section) -> Schema:
+def _anatomy(section: FileTable) -> Schema:
     inner = {"kind": {"const": section.kind}, **_INNER.get(section.kind, {})}
     found = _table(section.keys, section.text, inner)
     return {**found, "required": ["kind", *found.get("required", ())]}

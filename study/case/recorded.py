@@ -19,7 +19,7 @@ Drug = Literal["none", "adenosine", "dobutamine"]
 
 
 @dataclass(frozen=True)
-class Noise:
+class NoiseParameters:
     """Noise, as standard deviations.
 
     That of the mean beat is estimated from the scatter of the beats where three or more were
@@ -101,5 +101,5 @@ class Recorded:
     held_out: Annotated[bool, Flag(text="true: predicted only, then compared")] = False
 
 
-PATIENT, NOISE, CONDITION = keys_of(PatientParameters), keys_of(Noise), keys_of(Recorded)
+PATIENT, NOISE, CONDITION = keys_of(PatientParameters), keys_of(NoiseParameters), keys_of(Recorded)
 DRUGS = get_args(Drug)

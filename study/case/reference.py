@@ -13,7 +13,7 @@ from study.case.anatomy import STATE
 from study.case.ostium import Uncertain
 from study.case.parameters import STRESS_FACTORS, ThicknessBounds
 from study.case.schema import UNITS, Key, Quantity, keys_of, readable, spellings
-from study.case.sections import CASE, RECORD, Section
+from study.case.sections import CASE, RECORD, FileTable
 from study.case.template import default_of, written
 
 PAGE = pathlib.Path(__file__).parents[2] / "docs" / "case-file.md"
@@ -69,7 +69,7 @@ def reference() -> str:
     return "\n".join(parts)
 
 
-def _section(section: Section) -> str:
+def _section(section: FileTable) -> str:
     title = f"[{section.heading}]" + (f' kind = "{section.kind}"' if section.kind else "")
     parts = [f"### `{title}`\n", section.text + "\n", _rows(section.keys)]
     for heading, what, keys in _INNER.get(section.kind or section.heading, ()):

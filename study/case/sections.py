@@ -21,13 +21,13 @@ from study.case.parameters import (
     WallParameters,
     WindkesselParameters,
 )
-from study.case.recorded import Noise, Recorded
+from study.case.recorded import NoiseParameters, Recorded
 from study.case.schema import Key, keys_of
 
 CONDITION_SLOT = "condition.NAME"
 
 
-class Section(NamedTuple):
+class FileTable(NamedTuple):
     """A table of a file.
 
     Attributes:
@@ -43,15 +43,15 @@ class Section(NamedTuple):
     kind: str = ""
 
 
-def _section(heading: str, model: type, *, without: str = "") -> Section:
+def _section(heading: str, model: type, *, without: str = "") -> FileTable:
     keys = tuple(key for key in keys_of(model) if key.name != without)
-    return Section(heading, keys, inspect.cleandoc(model.__doc__ or ""))
+    return FileTable(heading, keys, inspect.cleandoc(model.__doc__ or ""))
 
 
 CASE = (
     _section("patient", PatientParameters),
     *(
-        Section("anatomy", keys, inspect.cleandoc(MODELS[kind].__doc__ or ""), kind)
+        FileTable("anatomy", keys, inspect.cleandoc(MODELS[kind].__doc__ or ""), kind)
         for kind, keys in KINDS.items()
     ),
     _section("blood", BloodParameters),
@@ -70,7 +70,7 @@ CASE = (
 RECORD = (
     _section("patient", PatientParameters),
     _section("surrogate", OstiumLosses),
-    _section("noise", Noise),
+    _section("noise", NoiseParameters),
     _section(CONDITION_SLOT, Recorded, without="name"),
 )
 """Tables of a record."""

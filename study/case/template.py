@@ -8,7 +8,7 @@ from typing import Any
 
 from study.case.anatomy import STATE
 from study.case.schema import Flag, Key, Location, Quantity, Word, spellings
-from study.case.sections import CASE, CONDITION_SLOT, RECORD, Section
+from study.case.sections import CASE, CONDITION_SLOT, RECORD, FileTable
 
 RECORD_FILE, EXAMPLE_FILE = "record.toml", "rest.csv"
 
@@ -86,7 +86,7 @@ def example_traces() -> str:
     return (folder / EXAMPLE_FILE).read_text("utf-8")
 
 
-def _conditions(section: Section, shown: Iterable[str], stress: Mapping[str, Any]) -> list[str]:
+def _conditions(section: FileTable, shown: Iterable[str], stress: Mapping[str, Any]) -> list[str]:
     """The condition at rest with every key, and one under stress with those that it needs."""
     own = tuple(key for key in section.keys if key.name in stress)
     lines = [_line(key, stress, commented=key.name == "kind", told=False) for key in own]
@@ -96,7 +96,7 @@ def _conditions(section: Section, shown: Iterable[str], stress: Mapping[str, Any
     ]
 
 
-def _table(section: Section, heading: str, shown: Iterable[str]) -> str:
+def _table(section: FileTable, heading: str, shown: Iterable[str]) -> str:
     """A table with each of its keys; those that are shown are set, the others commented out."""
     set_ = tuple(shown)
     lines = [_line(key, {}, commented=key.name not in set_) for key in section.keys]

@@ -13,13 +13,13 @@ from study.run.progress import Progress
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
-from study.store.options import MeshOptions
+from study.store.options import MeshCommandOptions
 from study.store.output import write_files
 from study.store.result_files import MESH_FILE, PAGE_FILE
 from study.store.stored_document import to_json
 
 
-def mesh_command(request: Request[MeshOptions], case: Case, folder: pathlib.Path) -> Answer:
+def mesh_command(request: Request[MeshCommandOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Make a labelled mesh of blood and wall, with its pictures."""
     options = request.options
     given = {

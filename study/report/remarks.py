@@ -13,7 +13,7 @@ from lumped import ML_PER_MIN, MM, MMHG
 from study.case.laws import LINEAR, QUADRATIC
 from study.report.headline import Reading, headline
 from study.run.limits import CATHETER_MM
-from study.run.patient import Vessel
+from study.run.patient import ContouredArtery
 from study.run.reduced_results import CaseResult, Run
 from study.run.tuning import ratio_error
 from study.store.result_names import CALIBRATED, FIXED
@@ -235,7 +235,7 @@ def _vessel_notes(result: CaseResult) -> Iterator[Note]:
     yield _drop_note(result, vessel)
 
 
-def _drop_note(result: CaseResult, vessel: Vessel) -> Note:
+def _drop_note(result: CaseResult, vessel: ContouredArtery) -> Note:
     """The drop that the contours explain at ordinary flows against the one that was measured."""
     rest = result.run("rest")
     Q = np.array(FLOW_RANGE) * ML_PER_MIN

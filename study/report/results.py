@@ -21,7 +21,7 @@ from study.report.remarks import (
     stress_readings,
     verdict,
 )
-from study.run.patient import Patient, Vessel
+from study.run.patient import ContouredArtery, Patient
 from study.run.reduced_results import Calibration, CaseResult, Run, Tuning
 from study.store.document_rows import ratio_name
 from study.store.json_form import as_json
@@ -112,7 +112,7 @@ def _model(patient: Patient, law: str) -> Document:
     }
 
 
-def vessel_part(vessel: Vessel) -> Document:
+def vessel_part(vessel: ContouredArtery) -> Document:
     """Shape of the lumen along the vessel, and where its resistance sits."""
     lumen, losses = vessel.lumen, vessel.losses
     return {

@@ -9,7 +9,7 @@ from jaxfsi import Mesh, Region
 from jaxfsi.core.step.model import Model
 from jaxfsi.fields import read_series
 from jaxfsi.opening import is_opening, is_segment
-from jaxfsi.simulation import Record, ShearMeans
+from jaxfsi.simulation import ShearMeans, StepHistory
 from jaxfsi.simulation.cycles import CycleMeans, cycle_means
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
@@ -154,7 +154,7 @@ def _notes(
     return [{"level": level, "text": text} for level, text in notes]
 
 
-def _history(record: Record, names: tuple[str, ...]) -> dict[str, Any]:
+def _history(record: StepHistory, names: tuple[str, ...]) -> dict[str, Any]:
     """Every step, or every so-manieth where there are many."""
     some = slice(None, None, max(1, -(-record.n_steps // _MOST_SAMPLES)))
 

@@ -75,7 +75,7 @@ def run_study(
     context, anatomy = open_context(case, folder, choice.run, progress)
     progress.step(RAMP)
     ramp = fitted(ramp_record(context, choice.ramp), choice.ramp)
-    context = with_curve(context, float(ramp.fit.law.a), float(ramp.fit.law.b))
+    context = with_curve(context, float(ramp.fit.law.R0), float(ramp.fit.law.K))
     progress.step("calibrating in 0D")
     reduced = run_case(context.case)
     loop, runs = _calibrated(context, choice, reduced)

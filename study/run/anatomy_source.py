@@ -15,7 +15,7 @@ import numpy as np
 import jaxfsi.anatomy as sources
 from jaxfsi import Mesh, Region
 from jaxfsi.anatomy import Anatomy, Cut, IvusOptions, SurfaceOptions
-from jaxfsi.anatomy import SyntheticAnatomy as Parameters
+from jaxfsi.anatomy import SyntheticParameters as Parameters
 from jaxfsi.measures import triangle_areas
 from jaxfsi.mesh_files import read_mesh, read_mesh_complete
 from jaxfsi.mesh_parts import canonically_labelled

@@ -27,7 +27,7 @@ from lumped import MMHG
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
-from study.run.driven_beat import Beat, Drive, driven_beat, known_difference
+from study.run.driven_beat import Drive, DrivenBeat, driven_beat, known_difference
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.gap_parts import ConditionGap, GapIn3D
 from study.run.progress import Progress
@@ -165,7 +165,7 @@ def _compared(
     condition: RecordedCondition,
     k: int,
     circuits: dict[str, Circuit],
-    beats: dict[str, Beat],
+    beats: dict[str, DrivenBeat],
 ) -> ConditionGap:
     """Gaps of one condition [mmHg]: surrogate and 3D, before and after."""
     record = diagnosis.record

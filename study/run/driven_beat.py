@@ -21,7 +21,7 @@ from jaxfsi.core.step.state import initial_state
 from jaxfsi.fields import read_series
 from jaxfsi.fields.aortic_site import site_pressures
 from jaxfsi.opening import INLET, distal_name, is_anomalous
-from jaxfsi.simulation import Record
+from jaxfsi.simulation import StepHistory
 from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import (
     MMHG,
@@ -77,7 +77,7 @@ class Drive(NamedTuple):
         return sampled(t, P, self.entry.period, kind="cubic")
 
 
-class Beat(NamedTuple):
+class DrivenBeat(NamedTuple):
     """The beat of a run, at `PHASES`.
 
     Attributes:
@@ -94,7 +94,7 @@ class Beat(NamedTuple):
     difference: Wave
 
 
-def driven_beat(context: RunContext, folder: str, drive: Drive) -> Beat:
+def driven_beat(context: RunContext, folder: str, drive: Drive) -> DrivenBeat:
     """The beat of a run in 3D, or what was kept of it.
 
     Args:
@@ -116,8 +116,8 @@ def driven_beat(context: RunContext, folder: str, drive: Drive) -> Beat:
 
     stage = stage_key("reading", key, context.site)
 
-    def read(kept: Mapping[str, Sequence[float]]) -> Beat:
-        return Beat(**{name: np.array(wave, float) for name, wave in kept.items()})
+    def read(kept: Mapping[str, Sequence[float]]) -> DrivenBeat:
+        return DrivenBeat(**{name: np.array(wave, float) for name, wave in kept.items()})
 
     return context.stages.value(f"beat-{folder}", stage, compute, read)
 
@@ -188,7 +188,7 @@ def _start(context: RunContext, drive: Drive) -> jax.Array:
     return jnp.stack([solution.state("bed", name)[0] for name in names])
 
 
-def _beat(context: RunContext, folder: str, record: Record, setup: Setup) -> Beat:
+def _beat(context: RunContext, folder: str, record: StepHistory, setup: Setup) -> DrivenBeat:
     names, period = setup.model.names, setup.schedule.period
     end = setup.schedule.n_steps * setup.schedule.dt
     t = end - np.mod(end / period - PHASES, 1.0) * period
@@ -202,7 +202,7 @@ def _beat(context: RunContext, folder: str, record: Record, setup: Setup) -> Bea
         seen = np.array([e.t for e in entries])
         there = site_pressures(frames, entries, context.site)
         difference = np.interp(t, seen, there - np.interp(seen, record.t, P_inlet))
-    return Beat(
+    return DrivenBeat(
         np.interp(t, record.t, P_inlet) + difference,
         np.interp(t, record.t, port_pressure(record, names, distal) / MMHG),
         np.interp(t, record.t, port_flow(record, names, distal)),

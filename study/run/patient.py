@@ -13,8 +13,8 @@ from jaxfsi import Calipers, Lumen, read_ivus_contours
 from lumped import (
     MMHG,
     RCR,
-    Condition,
     Coronary,
+    HaemodynamicCondition,
     StressRule,
     Surrogate,
     nominal_coronary,
@@ -34,7 +34,7 @@ TANGENT_DROP = 40.0 * MMHG
 
 
 @dataclasses.dataclass(frozen=True)
-class Vessel:
+class ContouredArtery:
     """The anomalous artery as its contours describe it.
 
     Attributes:
@@ -51,7 +51,7 @@ class Vessel:
 
 
 @dataclasses.dataclass(frozen=True)
-class Model:
+class ReducedModel:
     """The surrogate of the patient under one law of the anomalous artery.
 
     Attributes:
@@ -81,14 +81,14 @@ class Patient:
     """
 
     case: Case
-    vessel: Vessel | None
-    models: dict[str, Model]
-    conditions: dict[str, Condition]
+    vessel: ContouredArtery | None
+    models: dict[str, ReducedModel]
+    conditions: dict[str, HaemodynamicCondition]
     rules: dict[str, StressRule]
     windkessels: dict[str, RCR]
 
     @property
-    def model(self) -> Model:
+    def model(self) -> ReducedModel:
         """The surrogate under the case's own law."""
         return self.models[self.case.surrogate.law]
 
@@ -128,7 +128,7 @@ def load_patient(case: Case) -> Patient:
     )
 
 
-def read_vessel(case: Case) -> Vessel | None:
+def read_vessel(case: Case) -> ContouredArtery | None:
     """The artery from the contours of the case; None where it has none.
 
     Raises:
@@ -146,7 +146,7 @@ def read_vessel(case: Case) -> Vessel | None:
     radius = anatomy.aorta_radius
     upstream = math.inf if radius is None else math.pi * radius**2
     mu, rho = case.blood.mu, case.blood.rho_f
-    return Vessel(*_shape(lumen, mu=mu, rho=rho, area_upstream=upstream))
+    return ContouredArtery(*_shape(lumen, mu=mu, rho=rho, area_upstream=upstream))
 
 
 @eqx.filter_jit
@@ -154,13 +154,15 @@ def _shape(lumen: Lumen, **blood: float) -> tuple[Lumen, Array, Calipers, LumenL
     return lumen, lumen.area, lumen.calipers, lumen_losses(lumen, **blood)
 
 
-def condition_of(entry: case_file.Condition) -> Condition:
+def condition_of(entry: case_file.Condition) -> HaemodynamicCondition:
     """Pressures and period of a condition, with its measured beat where there is one."""
     waveform = None
     if entry.waveform is not None:
         beat = entry.waveform
         waveform = sampled(np.array(beat.t), np.array(beat.P_aorta), entry.period)
-    return Condition(entry.P_systolic, entry.P_diastolic, entry.period, waveform=waveform)
+    return HaemodynamicCondition(
+        entry.P_systolic, entry.P_diastolic, entry.period, waveform=waveform
+    )
 
 
 def stress_rules(case: Case) -> dict[str, StressRule]:
@@ -175,7 +177,7 @@ def _coronary(case: Case) -> Coronary:
     return nominal_coronary(**dataclasses.asdict(case.coronary))
 
 
-def _linear(case: Case, vessel: Vessel | None) -> Model | None:
+def _linear(case: Case, vessel: ContouredArtery | None) -> ReducedModel | None:
     """R0 of the linear law; where the case itself asks for the quadratic one, its slope.
 
     Where nothing is known it is assumed: α tuned at rest goes with R0 (α/R0 is what the resting
@@ -183,7 +185,7 @@ def _linear(case: Case, vessel: Vessel | None) -> Model | None:
     """
     given, assumed = case.surrogate, False
     if given.R0 is not None and given.K is not None and given.law == QUADRATIC:
-        R0 = PressureFlowLaw(a=given.R0, b=given.K).tangent(TANGENT_DROP)
+        R0 = PressureFlowLaw(R0=given.R0, K=given.K).tangent(TANGENT_DROP)
         origin = "R0 = slope of the given quadratic law at a drop of 40 mmHg"
     elif given.R0 is not None:
         R0, origin = given.R0, "R0 given in the case"
@@ -196,10 +198,10 @@ def _linear(case: Case, vessel: Vessel | None) -> Model | None:
     else:
         return None
     surrogate = Surrogate(R0=R0, C0=given.C0, coronary=_coronary(case))
-    return Model(LINEAR, surrogate, origin, assumed)
+    return ReducedModel(LINEAR, surrogate, origin, assumed)
 
 
-def _quadratic(case: Case, vessel: Vessel | None) -> Model | None:
+def _quadratic(case: Case, vessel: ContouredArtery | None) -> ReducedModel | None:
     """R0 and K of the quadratic law.
 
     A resistance given without K is a ramp's slope at one drop, not the resistance at zero flow; it
@@ -207,7 +209,7 @@ def _quadratic(case: Case, vessel: Vessel | None) -> Model | None:
     """
     given, asked = case.surrogate, case.surrogate.law == QUADRATIC
     law = None if vessel is None else vessel.losses.law
-    a, b = (None, None) if law is None else (law.a, law.b)
+    a, b = (None, None) if law is None else (law.R0, law.K)
     K = b if given.K is None else given.K
     own = given.R0 is not None and (asked or given.K is not None)
     R0 = given.R0 if own else a
@@ -216,4 +218,6 @@ def _quadratic(case: Case, vessel: Vessel | None) -> Model | None:
     words = {True: "given in the case", False: "from the lumen's pressure-flow law"}
     given_K = given.K is not None
     origin = f"R0 and K {words[own]}" if own == given_K else f"R0 {words[own]}, K {words[given_K]}"
-    return Model(QUADRATIC, Surrogate(R0=R0, C0=given.C0, coronary=_coronary(case), K=K), origin)
+    return ReducedModel(
+        QUADRATIC, Surrogate(R0=R0, C0=given.C0, coronary=_coronary(case), K=K), origin
+    )

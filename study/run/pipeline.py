@@ -8,9 +8,9 @@ import numpy as np
 from calibration import REST_RULE, RatioResponse, through_calibration
 from diagnosis import ratio_gap
 from study.case.model import Case, require
-from study.run.patient import Model, Patient, load_patient
+from study.run.patient import Patient, ReducedModel, load_patient
 from study.run.progress import Progress
-from study.run.reduced_results import Calibration, CaseResult, Curve, Run
+from study.run.reduced_results import Calibration, CaseResult, RatioCurve, Run
 from study.run.tuning import (
     alpha_curve,
     calibrate_patient,
@@ -42,7 +42,7 @@ def run_case(case: Case, *, progress: Progress | None = None) -> CaseResult:
     alphas = [fit.alpha for fit in calibrations.values()]
     low, high = min(*alphas, 1.0) / 5.0, max(*alphas, 1.0) * 5.0
     runs: list[Run] = []
-    curves: dict[str, Curve] = {}
+    curves: dict[str, RatioCurve] = {}
     for law, fit in calibrations.items():
         progress.step(f"predicting, {law} law")
         model = patient.models[law]
@@ -51,7 +51,7 @@ def run_case(case: Case, *, progress: Progress | None = None) -> CaseResult:
     return CaseResult(patient, calibrations, curves, runs, failures)
 
 
-def _runs(patient: Patient, model: Model, fit: Calibration) -> Iterator[Run]:
+def _runs(patient: Patient, model: ReducedModel, fit: Calibration) -> Iterator[Run]:
     """All conditions of one law, calibrated and fixed; rest comes first."""
     stresses = [(name, rule) for name in patient.stresses for rule in patient.rules]
     for boundary, alpha in ((CALIBRATED, fit.alpha), (FIXED, 1.0)):

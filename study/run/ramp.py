@@ -17,7 +17,7 @@ from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.opening import INLET, canonical_order, is_anomalous
-from jaxfsi.simulation import Record
+from jaxfsi.simulation import StepHistory
 from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import Ramp
 from lumped.waveforms import Constant
@@ -69,7 +69,7 @@ def prepare_ramp(context: RunContext, choice: RampChoice) -> Setup:
     return Setup(mesh, model, state, rising, Outlets(1.0, "none", {}, {}), plan)
 
 
-def _columns(record: Record, names: tuple[str, ...]) -> dict[str, np.ndarray]:
+def _columns(record: StepHistory, names: tuple[str, ...]) -> dict[str, np.ndarray]:
     distal = [name for name in canonical_order(names) if is_anomalous(name)]
     return {
         "t": record.t,

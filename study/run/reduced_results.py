@@ -11,7 +11,7 @@ from study.run.patient import Patient
 from study.store.result_names import CALIBRATED
 
 
-class Curve(NamedTuple):
+class RatioCurve(NamedTuple):
     """Resting ratio over α."""
 
     alpha: np.ndarray
@@ -135,7 +135,7 @@ class CaseResult:
 
     patient: Patient
     calibrations: dict[str, Calibration]
-    curves: dict[str, Curve]
+    curves: dict[str, RatioCurve]
     runs: list[Run]
     failures: dict[str, str]
 

@@ -14,7 +14,7 @@ from jaxfsi.core.step.state import State
 from jaxfsi.fields import read_series
 from jaxfsi.fields.aortic_site import cycle_offsets, site_pressures
 from jaxfsi.opening import INLET, distal_name, is_anomalous
-from jaxfsi.simulation import Record
+from jaxfsi.simulation import StepHistory
 from jaxfsi.simulation.cycles import cycle_means, inlet_of, waveforms
 from lumped import MMHG
 from study.run.results import PlannedRun, Run3D, RunCycle, RunHistory, stored_run
@@ -164,7 +164,7 @@ def run_result(context: RunContext, setup: Setup, outcome: Outcome, run: Planned
 
 
 def _at_site(
-    context: RunContext, run: PlannedRun, record: Record, names: tuple[str, ...], period: float
+    context: RunContext, run: PlannedRun, record: StepHistory, names: tuple[str, ...], period: float
 ) -> tuple[list[RunCycle], dict[str, list[float]]]:
     """Cycles, and the aortic pressure at the ostium where that is read."""
     cycles = [RunCycle(**vars(cycle)) for cycle in cycle_means(record, names, period)]

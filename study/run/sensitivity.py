@@ -36,7 +36,7 @@ from jaxfsi.adjoint.lumen_shape import (
     lumen_surface,
     thickness_field,
 )
-from jaxfsi.adjoint.ratio_gradient import RatioGradient, Reading, ratio_gradient
+from jaxfsi.adjoint.ratio_gradient import RatioGradient, RatioSensors, ratio_gradient
 from jaxfsi.core.laws.viscosity import AbstractViscosity, CarreauYasuda, Newtonian
 from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.step.model import Model
@@ -187,13 +187,13 @@ def gradient_stepper(case: Case, setup: Setup, *, tolerance: float | None = None
     )
 
 
-def reading_of(setup: Setup, site: np.ndarray | None) -> Reading:
+def reading_of(setup: Setup, site: np.ndarray | None) -> RatioSensors:
     """Where the ratio of a run is read."""
     names = setup.model.names
     distal = distal_name(names)
     assert distal is not None, "checked by check_openings"
     nodes = None if site is None else jnp.asarray(site)
-    return Reading(nodes, names.index(distal), names.index(INLET))
+    return RatioSensors(nodes, names.index(distal), names.index(INLET))
 
 
 def by_parameters(

@@ -15,12 +15,12 @@ from jaxfsi.simulation import (
     CheckpointError,
     FieldSeries,
     ProgressRecord,
-    Record,
     ShearCycle,
     SimulationError,
     SimulationInterrupted,
     SolverChoice,
     StepControl,
+    StepHistory,
     simulate,
     write_csv,
 )
@@ -113,7 +113,7 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
     return found._replace(seconds=time.monotonic() - start, pace=watch.pace)
 
 
-def write_history(folder: pathlib.Path, record: Record, names: tuple[str, ...]) -> None:
+def write_history(folder: pathlib.Path, record: StepHistory, names: tuple[str, ...]) -> None:
     """Write the history of the openings; the outside of the wall is a port of the model alone."""
     chosen = [i for i, name in enumerate(names) if name != OUTER_WALL]
     shown = record._replace(P_port=record.P_port[:, chosen], Q_port=record.Q_port[:, chosen])

@@ -12,7 +12,7 @@ from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
-from jaxfsi.simulation import Record, ShearMeans
+from jaxfsi.simulation import ShearMeans, StepHistory
 from lumped import AbstractElement
 from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
@@ -100,7 +100,7 @@ class Outcome(NamedTuple):
             were taken to tell.
     """
 
-    record: Record
+    record: StepHistory
     events: list[dict[str, Any]]
     resumed_from: int | None
     shear: ShearMeans | None

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration import Sweep, sweep_alpha
-from lumped import ML_PER_MIN, MMHG, Condition
+from lumped import ML_PER_MIN, MMHG, HaemodynamicCondition
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
 from study.run.patient import Patient, load_patient
@@ -83,7 +83,7 @@ def _check(patient: Patient, condition: str, rule: str | None) -> str | None:
     return rule
 
 
-def _spread(condition: Condition, count: int) -> Condition:
+def _spread(condition: HaemodynamicCondition, count: int) -> HaemodynamicCondition:
     """A measured beat repeated for every case of the batch: its samples are no batch axis."""
     repeated = jax.tree.map(
         lambda leaf: jnp.broadcast_to(leaf, (count, *leaf.shape)), condition.waveform

@@ -21,7 +21,7 @@ from calibration import (
 from diagnosis import RATIO_SD
 from lumped import (
     AbstractPeriodicSolver,
-    Condition,
+    HaemodynamicCondition,
     Propagator,
     Shooting,
     StressRule,
@@ -30,9 +30,9 @@ from lumped import (
 )
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
-from study.run.patient import Model, Patient, load_patient
+from study.run.patient import Patient, ReducedModel, load_patient
 from study.run.progress import Progress
-from study.run.reduced_results import Calibration, Curve, Tuning
+from study.run.reduced_results import Calibration, RatioCurve, Tuning
 
 CURVE_POINTS = 21
 
@@ -84,7 +84,7 @@ def calibrate_patient(patient: Patient, progress: Progress) -> Tuning:
     return Tuning(found, failures)
 
 
-def calibrate_model(patient: Patient, model: Model) -> Calibration:
+def calibrate_model(patient: Patient, model: ReducedModel) -> Calibration:
     """Find α of one law by Newton's method, bisection and, where it holds, the closed form."""
     case, rest, surrogate = patient.case, patient.conditions["rest"], model.surrogate
     target = case.conditions["rest"].ffr
@@ -120,7 +120,7 @@ def calibrate_model(patient: Patient, model: Model) -> Calibration:
     )
 
 
-def alpha_curve(patient: Patient, model: Model, low: float, high: float) -> Curve:
+def alpha_curve(patient: Patient, model: ReducedModel, low: float, high: float) -> RatioCurve:
     """Resting ratio of one law over α."""
     rest = patient.conditions["rest"]
     alphas = np.geomspace(low, high, CURVE_POINTS)
@@ -128,11 +128,15 @@ def alpha_curve(patient: Patient, model: Model, low: float, high: float) -> Curv
         float(respond(patient, tune(model.surrogate, alpha), rest).metrics.ratio)
         for alpha in alphas
     ]
-    return Curve(alphas, np.array(ratios))
+    return RatioCurve(alphas, np.array(ratios))
 
 
 def respond(
-    patient: Patient, surrogate: Surrogate, condition: Condition, *, rule: StressRule = REST_RULE
+    patient: Patient,
+    surrogate: Surrogate,
+    condition: HaemodynamicCondition,
+    *,
+    rule: StressRule = REST_RULE,
 ) -> RatioResponse:
     """Periodic state, metrics and sensitivities of a surrogate, checked.
 

@@ -141,7 +141,7 @@ class SweepOptions(CaseOptions):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class MeshOptions(CaseOptions):
+class MeshCommandOptions(CaseOptions):
     """Options of `mesh`; None: as the case says.
 
     Attributes:
@@ -273,7 +273,7 @@ KINDS: dict[str, type[Options]] = {
     "run": RunOptions,
     "calibrate": CalibrateOptions,
     "sweep": SweepOptions,
-    "mesh": MeshOptions,
+    "mesh": MeshCommandOptions,
     "simulate": SimulateOptions,
     "study": StudyOptions,
     "cohort": CohortOptions,

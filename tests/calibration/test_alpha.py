@@ -17,9 +17,9 @@ from calibration import (
 )
 from lumped import (
     MMHG,
-    Condition,
     Cycles,
     Fourier,
+    HaemodynamicCondition,
     Shooting,
     Surrogate,
     condition_from_clinic,
@@ -39,7 +39,7 @@ def random_patients(n: int, seed: int = 0):
     beds = eqx.tree_at(lambda b: b.R_3, bed, jnp.asarray(rng.uniform(1e5, 5e5, n)))
     surrogates = Surrogate(R0=jnp.asarray(rng.uniform(5e2, 2e4, n)), coronary=beds)
     diastolic = rng.uniform(45.0, 80.0, n)
-    conditions = Condition(
+    conditions = HaemodynamicCondition(
         jnp.asarray((diastolic + rng.uniform(25.0, 60.0, n)) * MMHG),
         jnp.asarray(diastolic * MMHG),
         jnp.asarray(rng.uniform(0.4, 1.1, n)),

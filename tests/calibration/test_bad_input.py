@@ -133,7 +133,7 @@ CASES = {
         ],
     ),
     "fit_ramp": Case(
-        lambda flow, offset: (lambda f: (f.law.a, f.law.b, f.L, f.rms, f.covariance))(
+        lambda flow, offset: (lambda f: (f.law.R0, f.law.K, f.L, f.rms, f.covariance))(
             fit_ramp(_ramp(flow, offset))
         ),
         {"flow": 5.0, "offset": 0.0},
@@ -180,7 +180,7 @@ CASES = {
         [{"a": -500.0}, {"a": 0.0, "b": 0.0}, {"a": NAN}, {"b": NAN}],
     ),
     "lumen_law": Case(
-        lambda radius, mu, rho, Q, up: (lambda law: (law.a, law.b))(
+        lambda radius, mu, rho, Q, up: (lambda law: (law.R0, law.K))(
             lumen_law(_circle(radius), mu=mu, rho=rho, Q_reference=Q, area_upstream=up)
         ),
         {"radius": 0.1, "mu": 0.04, "rho": 1.06, "Q": 1.5, "up": 5.0},

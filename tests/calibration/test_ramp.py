@@ -34,14 +34,14 @@ def _record(rate=37.5 * MMHG, *, n=300, noise=0.0, shift=0.0, transmural=(0.0, 0
 def test_curve_of_an_exact_ramp_is_found():
     """Up to the trapezium rule of the means, whose error falls with the square of the step."""
     fits = [fit_ramp(_record(n=n)) for n in (481, 961)]
-    errors = [np.abs(np.array([f.law.a, f.law.b, f.L]) / [A, B, L] - 1.0) for f in fits]
+    errors = [np.abs(np.array([f.law.R0, f.law.K, f.L]) / [A, B, L] - 1.0) for f in fits]
     assert errors[1].max() < 1e-5
     assert np.all((errors[0] / errors[1] > 3.8) & (errors[0] / errors[1] < 4.2))
     fit = fits[1]
     slope, _ = fit.tangent()
     assert float(slope) == pytest.approx(np.sqrt(A**2 + 4.0 * B * 40.0 * MMHG), rel=1e-5)
     secant, _ = fit.secant(40.0 * MMHG)
-    assert float(secant) == pytest.approx((float(fit.law.a) + float(slope)) / 2.0, rel=1e-8)
+    assert float(secant) == pytest.approx((float(fit.law.R0) + float(slope)) / 2.0, rel=1e-8)
 
 
 def test_fluttering_wall_does_not_decide_the_curve():
@@ -75,8 +75,8 @@ def test_negative_coefficient_is_left_out():
     Q = 2.0 * t
     record = RampRecord(t, 500.0 * Q - 8.0 * Q**2, np.zeros(100), Q)
     fit = fit_ramp(record, settling=0.0)
-    assert float(fit.law.b) == 0.0
-    assert float(fit.law.a) > 0.0
+    assert float(fit.law.K) == 0.0
+    assert float(fit.law.R0) > 0.0
 
 
 def test_transmural_dependence_needs_two_ramps():
@@ -84,7 +84,7 @@ def test_transmural_dependence_needs_two_ramps():
     records = [_record(transmural=truth), _record(shift=30.0 * MMHG, transmural=truth)]
     fit = fit_ramp(records, P_ref=60.0 * MMHG)
     np.testing.assert_allclose(fit.transmural, truth, rtol=1e-4)
-    np.testing.assert_allclose([fit.law.a, fit.law.b], [A, B], rtol=1e-4)
+    np.testing.assert_allclose([fit.law.R0, fit.law.K], [A, B], rtol=1e-4)
     np.testing.assert_array_equal(fit_ramp(records[0]).transmural, 0.0)
 
 

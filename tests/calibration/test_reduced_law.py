@@ -55,29 +55,29 @@ def coarse(patient) -> Lumen:
     return Lumen(patient.contours[:, ::5], patient.s)
 
 
-# The law ΔP = a Q + b Q|Q|.
+# The law ΔP = R0 Q + K Q|Q|.
 
 LAWS = [(500.0, 450.0), (5e3, 0.0), (0.0, 2e4)]
 
 
-@pytest.mark.parametrize(("a", "b"), LAWS)
-def test_flow_inverts_pressure_drop_and_is_odd(a, b):
-    law = PressureFlowLaw(jnp.asarray(a), jnp.asarray(b))
+@pytest.mark.parametrize(("R0", "K"), LAWS)
+def test_flow_inverts_pressure_drop_and_is_odd(R0, K):
+    law = PressureFlowLaw(jnp.asarray(R0), jnp.asarray(K))
     Q = jnp.asarray([-30.0, -1e-9, 0.0, 1e-12, 1e-3, 2.0])
     # Rounding of a quadratic root without cancellation.
     np.testing.assert_allclose(law.flow(law.pressure_drop(Q)), Q, rtol=1e-12, atol=0.0)
     np.testing.assert_array_equal(law.flow(-Q), -law.flow(Q))
 
 
-@pytest.mark.parametrize(("a", "b"), LAWS)
-def test_tangent_and_secant_are_those_of_the_curve(a, b):
-    law = PressureFlowLaw(jnp.asarray(a), jnp.asarray(b))
+@pytest.mark.parametrize(("R0", "K"), LAWS)
+def test_tangent_and_secant_are_those_of_the_curve(R0, K):
+    law = PressureFlowLaw(jnp.asarray(R0), jnp.asarray(K))
     for dP in (4.0 * MMHG, 40.0 * MMHG, -40.0 * MMHG):
         slope = jax.grad(lambda Q, law=law: law.pressure_drop(Q))(law.flow(dP))
         # The same closed form by another way.
         np.testing.assert_allclose(law.tangent(dP), slope, rtol=1e-13)
         np.testing.assert_allclose(law.secant(dP), dP / law.flow(dP), rtol=1e-13)
-    np.testing.assert_allclose(law.tangent(0.0), a, atol=0.0)
+    np.testing.assert_allclose(law.tangent(0.0), R0, atol=0.0)
 
 
 @pytest.mark.parametrize("dP", [-40.0 * MMHG, 0.0, 1e-9, 4.0 * MMHG])
@@ -116,14 +116,14 @@ def test_law_jit_and_batch_equal_eager_loop():
 def test_straight_tube_matches_poiseuille():
     radius, length = 0.15, 3.0
     lumen = tube(np.linspace(0.0, length, 5), np.full(5, radius))
-    a = lumen_law(lumen, mu=MU, rho=RHO).a
+    a = lumen_law(lumen, mu=MU, rho=RHO).R0
     # Moment of a regular polygon of 400 points at the area of the disc: relative 4th-order error.
     np.testing.assert_allclose(a, 8.0 * MU * length / (np.pi * radius**4), rtol=1e-7)
 
 
 def test_elliptic_tube_matches_analytic_resistance():
     A, B, length = 0.26, 0.065, 1.0
-    a = lumen_law(tube([0.0, 0.4, length], [A] * 3, [B] * 3), mu=MU, rho=RHO).a
+    a = lumen_law(tube([0.0, 0.4, length], [A] * 3, [B] * 3), mu=MU, rho=RHO).R0
     exact = 4.0 * MU * (A**2 + B**2) * length / (np.pi * A**3 * B**3)
     np.testing.assert_allclose(a, exact, rtol=1e-7)  # as above
 
@@ -194,7 +194,7 @@ def test_resistance_of_the_last_centimetre(shared_data, state, phase):
     lumen = read_ivus_contours(path)
     n = int(jnp.sum(lumen.s <= 1.0))
     part = Lumen(lumen.contours[:n], lumen.s[:n])
-    R = float(lumen_law(part, mu=0.04, rho=RHO).a) / MMHG * ML_PER_MIN
+    R = float(lumen_law(part, mu=0.04, rho=RHO).R0) / MMHG * ML_PER_MIN
     np.testing.assert_allclose(R, LAST_CENTIMETRE[state, phase], rtol=0.06)
 
 
@@ -204,7 +204,7 @@ def test_resistance_of_the_last_centimetre(shared_data, state, phase):
 def test_sudden_expansion_matches_borda_carnot_momentum_balance():
     A1, A2 = np.pi * 0.1**2, np.pi * 0.3**2
     lumen = tube([0.0, 1.0, 1.0 + 1e-9, 2.0], [0.1, 0.1, 0.3, 0.3])
-    b = lumen_law(lumen, mu=MU, rho=RHO, area_upstream=A1, development=0.0).b
+    b = lumen_law(lumen, mu=MU, rho=RHO, area_upstream=A1, development=0.0).K
     # Flat profiles: p1 − p2 = ρ Q² (1/A2² − 1/(A1 A2)), negative: the pressure recovers.
     np.testing.assert_allclose(b, RHO * (1.0 / A2**2 - 1.0 / (A1 * A2)), rtol=1e-10)
 
@@ -241,9 +241,9 @@ def test_contraction_coefficient_spans_flush_to_grazing():
 def test_parts_add_up_to_the_law(patient):
     losses = lumen_losses(patient, mu=MU, rho=RHO)
     law = lumen_law(patient, mu=MU, rho=RHO)
-    np.testing.assert_allclose(law.a, jnp.sum(losses.a_frames), rtol=1e-14)  # same sum
+    np.testing.assert_allclose(law.R0, jnp.sum(losses.a_frames), rtol=1e-14)  # same sum
     total = losses.b_entrance + losses.b_expansion + losses.b_head
-    np.testing.assert_allclose(law.b, total, rtol=1e-14)  # same sum
+    np.testing.assert_allclose(law.K, total, rtol=1e-14)  # same sum
     assert all(float(jnp.min(part)) >= 0.0 for part in jax.tree.leaves(losses))
 
 
@@ -258,7 +258,7 @@ def test_slit_dominates_the_patient(patient):
 
 def test_reference_flow_matters_little(patient):
     b = [
-        float(lumen_law(patient, mu=MU, rho=RHO, Q_reference=Q * ML_PER_MIN).b)
+        float(lumen_law(patient, mu=MU, rho=RHO, Q_reference=Q * ML_PER_MIN).K)
         for Q in (50.0, 100.0, 200.0)
     ]
     assert b[0] > b[1] > b[2]
@@ -269,7 +269,7 @@ def _scaled(lumen: Lumen, scale) -> Lumen:
     return Lumen(lumen.contours * scale, lumen.s)
 
 
-@pytest.mark.parametrize("coefficient", ["a", "b"])
+@pytest.mark.parametrize("coefficient", ["R0", "K"])
 @pytest.mark.parametrize("what", ["scale", "mu", "rho", "stretch", "ripple"])
 def test_law_differentiates_in_contours_and_blood(coarse, coefficient, what):
     x, y = coarse.contours[..., 0], coarse.contours[..., 1]
@@ -297,14 +297,14 @@ def test_law_differentiates_in_contours_and_blood(coarse, coefficient, what):
 
 
 def test_resistance_scales_with_the_fourth_power_of_size(coarse):
-    slope = jax.grad(lambda k: lumen_law(_scaled(coarse, k), mu=MU, rho=RHO).a)(1.0)
-    a = lumen_law(coarse, mu=MU, rho=RHO).a
+    slope = jax.grad(lambda k: lumen_law(_scaled(coarse, k), mu=MU, rho=RHO).R0)(1.0)
+    a = lumen_law(coarse, mu=MU, rho=RHO).R0
     np.testing.assert_allclose(slope, -4.0 * a, rtol=1e-12)  # exact by dimensions; round-off
 
 
 def test_gradients_are_finite_where_the_lumen_is_as_wide_as_upstream():
     lumen = tube([0.0, 1.0], [0.1, 0.1])
-    gradient = jax.grad(lambda A: lumen_law(lumen, mu=MU, rho=RHO, area_upstream=A).b)
+    gradient = jax.grad(lambda A: lumen_law(lumen, mu=MU, rho=RHO, area_upstream=A).K)
     assert np.isfinite(gradient(float(lumen.area[0])))
     assert np.isfinite(gradient(float("inf")))
 

@@ -9,8 +9,8 @@ import pytest
 from calibration import grid, simulate_many, sweep_alpha
 from lumped import (
     MMHG,
-    Condition,
     Fourier,
+    HaemodynamicCondition,
     Propagator,
     StressRule,
     Surrogate,
@@ -49,7 +49,7 @@ def test_waveforms_of_a_sweep_equal_the_accurate_solver():
 
 def test_grid_of_patients_conditions_and_rules_equals_the_loop():
     patients = Surrogate(R0=jnp.asarray([3e3, 8e3]), alpha=jnp.asarray([0.1, 0.4]))
-    conditions = Condition(
+    conditions = HaemodynamicCondition(
         jnp.asarray([110.0, 130.0, 125.0]) * MMHG,
         jnp.asarray([65.0, 70.0, 60.0]) * MMHG,
         jnp.asarray([0.8, 0.45, 0.6]),
@@ -89,6 +89,6 @@ def test_sweep_with_quadratic_loss_falls_below_the_linear_one():
 
 
 def test_grid_refuses_axes_of_unequal_length():
-    bad = Condition(jnp.ones(2), jnp.ones(3) * 0.5, jnp.ones(2))
+    bad = HaemodynamicCondition(jnp.ones(2), jnp.ones(3) * 0.5, jnp.ones(2))
     with pytest.raises(ValueError, match="leading axes"):
         grid(PATIENT, bad)

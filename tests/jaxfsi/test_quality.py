@@ -17,7 +17,7 @@ from jaxfsi.meshing import (
 )
 from jaxfsi.meshing.check.quality import spread_of
 from jaxfsi.meshing.check.thickness import Exit
-from jaxfsi.meshing.structured.prisms import Section, extruded
+from jaxfsi.meshing.structured.prisms import PlaneMesh, extruded
 
 REGULAR = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
 CORNER = np.concatenate([np.zeros((1, 3)), np.eye(3)])
@@ -94,7 +94,7 @@ def two_lumens(septum: float, n_through: int) -> Mesh:
     a, b = node[:-1, :-1].reshape(-1), node[1:, :-1].reshape(-1)
     c, d = node[1:, 1:].reshape(-1), node[:-1, 1:].reshape(-1)
     triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    section = Section(
+    section = PlaneMesh(
         np.stack([x.reshape(-1), y.reshape(-1)], 1), triangles, np.zeros(len(triangles), int)
     )
     points, tets, region = extruded(section, np.linspace(0.0, 1.0, 6))

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from lumped import Condition, Network, condition_from_clinic
+from lumped import HaemodynamicCondition, Network, condition_from_clinic
 from lumped.statespace import algebraic, field
 
 
 @pytest.fixture(scope="session")
-def rest() -> Condition:
+def rest() -> HaemodynamicCondition:
     return condition_from_clinic(110.0, 65.0, 0.8)
 
 

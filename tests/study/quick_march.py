@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxfsi.simulation import Record
+from jaxfsi.simulation import StepHistory
 from lumped import Fourier, PressureSource, Vessel, connect, solve_periodic
 from study.run.simulation_data import Outcome
 
@@ -32,5 +32,5 @@ class QuickMarch:
         P[:, names.index("anomalous_outlet")] = at(found.pressure("d"))
         Q[:, names.index("anomalous_outlet")] = at(found.flow("ostium"))
         ones, counts = np.ones(t.size), np.ones(t.size, int)
-        record = Record(ones, t, 0.0 * t + plan.dt, P, Q, counts, counts, ones, ones, ones)
+        record = StepHistory(ones, t, 0.0 * t + plan.dt, P, Q, counts, counts, ones, ones, ones)
         return Outcome(record, [], None, None, 0.0, state=setup.state)

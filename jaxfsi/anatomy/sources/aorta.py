@@ -14,19 +14,19 @@ from jaxtyping import Float
 
 from jaxfsi.anatomy.curves.curve import Curve, curve_through
 from jaxfsi.anatomy.implicit import Tube, polar_contours, tube
-from jaxfsi.anatomy.sources.parameters import SyntheticAnatomy
+from jaxfsi.anatomy.sources.parameters import SyntheticParameters
 
 _SPACING = 0.06
 _ANGLES = 72
 _TUBE_RISE = 0.8  # from the junction to the full tube radius, over the junction radius
 
 
-def end_margin(p: SyntheticAnatomy) -> float:
+def end_margin(p: SyntheticParameters) -> float:
     """Length by which the aorta runs on beyond its openings [cm]."""
     return 0.35 * p.annulus_radius
 
 
-def aorta_axis(p: SyntheticAnatomy) -> Curve:
+def aorta_axis(p: SyntheticParameters) -> Curve:
     """Axis with s = height above the annulus; the normal points to the border of the sinuses.
 
     It is straight up to the junction; above, it turns away from the pulmonary artery by the
@@ -45,7 +45,7 @@ def aorta_axis(p: SyntheticAnatomy) -> Curve:
 
 
 def aorta_radius(
-    p: SyntheticAnatomy, height: Float[np.ndarray, " points"]
+    p: SyntheticParameters, height: Float[np.ndarray, " points"]
 ) -> Float[np.ndarray, " points"]:
     """Mean radius R(h) of the aortic lumen [cm]."""
     rise = _TUBE_RISE * p.junction_radius
@@ -57,7 +57,7 @@ def aorta_radius(
     return scipy.interpolate.PchipInterpolator(knots, radii)(height)
 
 
-def aorta_tube(p: SyntheticAnatomy) -> Tube:
+def aorta_tube(p: SyntheticParameters) -> Tube:
     """Lumen of the aorta from below its inlet to beyond its outlet."""
     axis = aorta_axis(p)
     theta = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES

@@ -29,7 +29,7 @@ from jaxtyping import Float
 from jaxfsi.anatomy.sources.parameters import (
     ADULT_SURFACE_AREA_M2,
     Side,
-    SyntheticAnatomy,
+    SyntheticParameters,
     coronary_diameter,
     parameter_faults,
     scaled_anatomy,
@@ -198,7 +198,7 @@ def sample_measures(generator: np.random.Generator, n: int) -> Measures:
     return Measures(*np.concatenate(kept)[:n].T)
 
 
-def _steep_and_long_enough(p: SyntheticAnatomy) -> SyntheticAnatomy:
+def _steep_and_long_enough(p: SyntheticParameters) -> SyntheticParameters:
     """Steepen the take-off as little as needed for the septum to form; then lengthen."""
     for angle in np.radians(np.arange(math.degrees(p.take_off_angle), 75.0, 1.0)):
         p = dataclasses.replace(p, take_off_angle=float(angle))
@@ -218,7 +218,7 @@ def anatomy_from_measures(
     take_off_deg: float,
     length_mm: float,
     septum_mm: float,
-) -> SyntheticAnatomy:
+) -> SyntheticParameters:
     """Parameters of an adult anatomy from clinical measures.
 
     Take-offs flatter than 15° and courses shorter than 3 mm are raised to that; where the artery
@@ -238,7 +238,7 @@ def anatomy_from_measures(
     ostial = half_axes(np.array([ostial_area_mm2]), np.array([ostial_ellipticity]))
     major, minor = (float(2.0 * half[0]) * MM for half in ostial)
     return _steep_and_long_enough(
-        SyntheticAnatomy(
+        SyntheticParameters(
             side=side,
             take_off_angle=math.radians(max(take_off_deg, _LEAST_TAKE_OFF_DEG)),
             intramural_length=max(length_mm, _LEAST_LENGTH_MM) * MM,
@@ -252,7 +252,9 @@ def anatomy_from_measures(
     )
 
 
-def _with_body(p: SyntheticAnatomy, generator: np.random.Generator, age: Age) -> SyntheticAnatomy:
+def _with_body(
+    p: SyntheticParameters, generator: np.random.Generator, age: Age
+) -> SyntheticParameters:
     """Vary root, heights and the normal artery, and scale all to the size of the body."""
     root = math.exp(_ROOT_SPREAD * float(np.clip(generator.standard_normal(), -2.0, 2.0)))
     coronary = 1.0 + _CORONARY_SPREAD * float(np.clip(generator.standard_normal(), -2.0, 2.0))
@@ -274,7 +276,7 @@ def _with_body(p: SyntheticAnatomy, generator: np.random.Generator, age: Age) ->
 
 def sample_anatomies(
     seed: int | Sequence[int], n: int, *, side: Side = "right", age: Age = "adult"
-) -> list[SyntheticAnatomy]:
+) -> list[SyntheticParameters]:
     """Draw valid anatomies from the published distributions.
 
     The same seed gives the same anatomies; the first of a larger draw are not those of a smaller.
@@ -293,7 +295,7 @@ def sample_anatomies(
             f"cannot draw {n} anatomies of age {age!r}. Give a number and adult or paediatric."
         )
     generator = np.random.default_rng(seed)
-    drawn: list[SyntheticAnatomy] = []
+    drawn: list[SyntheticParameters] = []
     while len(drawn) < n:
         measures = sample_measures(generator, n - len(drawn))
         septum = truncated_normal(_SEPTUM_MM).quantile(generator.uniform(size=n - len(drawn)))

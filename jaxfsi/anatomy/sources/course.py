@@ -22,7 +22,7 @@ from jaxtyping import Float
 from jaxfsi.anatomy.curves.curve import Curve, bezier_points, curve_through, extended
 from jaxfsi.anatomy.implicit import Tube, elliptic_contours, surface_points, tube_foot
 from jaxfsi.anatomy.sources.aorta import aorta_radius
-from jaxfsi.anatomy.sources.parameters import SyntheticAnatomy, approach
+from jaxfsi.anatomy.sources.parameters import SyntheticParameters, approach
 
 _SPACING = 0.02
 _ANGLES = 32
@@ -73,7 +73,7 @@ class _Profile(NamedTuple):
     plateau: tuple[float, float]
 
 
-def _profile(p: SyntheticAnatomy) -> _Profile:
+def _profile(p: SyntheticParameters) -> _Profile:
     """Straight rise, arc, plateau, arc, straight exit, with the wider artery farther out."""
     alpha, minor = p.take_off_angle, p.intramural_half_axes[1]
     bend, s_rise, s_first = approach(p)
@@ -96,7 +96,7 @@ def _profile(p: SyntheticAnatomy) -> _Profile:
 
 
 def _half_axes(
-    p: SyntheticAnatomy, plateau: tuple[float, float], s: Float[np.ndarray, " points"]
+    p: SyntheticParameters, plateau: tuple[float, float], s: Float[np.ndarray, " points"]
 ) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
     """Half axes along and across the wall: ostium, intramural lumen, round distal artery."""
     major, minor = p.intramural_half_axes
@@ -112,13 +112,13 @@ def _half_axes(
     )
 
 
-def _direction(p: SyntheticAnatomy) -> float:
+def _direction(p: SyntheticParameters) -> float:
     """Sense of the anomalous course about the aortic axis."""
     return -1.0 if p.side == "right" else 1.0
 
 
 def _wall_path(
-    p: SyntheticAnatomy, aorta: Tube, profile: _Profile, depth: Float[np.ndarray, " points"]
+    p: SyntheticParameters, aorta: Tube, profile: _Profile, depth: Float[np.ndarray, " points"]
 ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"]]:
     """Points of the course at given depths, and the normals of the aortic wall there."""
     sign = _direction(p)
@@ -148,7 +148,7 @@ def _tail(
 
 
 def _laid_out(
-    p: SyntheticAnatomy, aorta: Tube, profile: _Profile, correction: Float[np.ndarray, " points"]
+    p: SyntheticParameters, aorta: Tube, profile: _Profile, correction: Float[np.ndarray, " points"]
 ) -> tuple[Curve, float]:
     """Axis with s = 0 at the ostium, and the arc length of the outlet."""
     path, wall_normal = _wall_path(p, aorta, profile, profile.depth + correction)
@@ -176,7 +176,7 @@ def _gap(
     return np.min(tube_foot(aorta, points).distance.reshape(contours.shape[:2]), axis=1)
 
 
-def anomalous_course(p: SyntheticAnatomy, aorta: Tube) -> Course:
+def anomalous_course(p: SyntheticParameters, aorta: Tube) -> Course:
     """Course of the anomalous artery, its intramural part at the wanted depth.
 
     Args:
@@ -192,7 +192,7 @@ def anomalous_course(p: SyntheticAnatomy, aorta: Tube) -> Course:
 
 
 def _course(
-    p: SyntheticAnatomy, aorta: Tube, profile: _Profile, correction: Float[np.ndarray, " points"]
+    p: SyntheticParameters, aorta: Tube, profile: _Profile, correction: Float[np.ndarray, " points"]
 ) -> Course:
     axis, s_outlet = _laid_out(p, aorta, profile, correction)
     major, minor = _half_axes(p, profile.plateau, axis.s)
@@ -200,7 +200,9 @@ def _course(
     return Course(axis, major, minor, gap, s_outlet)
 
 
-def _change(p: SyntheticAnatomy, profile: _Profile, course: Course) -> Float[np.ndarray, " points"]:
+def _change(
+    p: SyntheticParameters, profile: _Profile, course: Course
+) -> Float[np.ndarray, " points"]:
     """Depth to add so that the gap is the septum along the plateau.
 
     Where the artery turns out of the wall its sections tilt; there the change of the plateau is
@@ -214,7 +216,7 @@ def _change(p: SyntheticAnatomy, profile: _Profile, course: Course) -> Float[np.
     return scipy.ndimage.gaussian_filter1d(change, _SMOOTHING / _STEP, mode="nearest")
 
 
-def normal_course(p: SyntheticAnatomy, aorta: Tube) -> Course:
+def normal_course(p: SyntheticParameters, aorta: Tube) -> Course:
     """Course of the normal artery: straight out of its sinus, then sideways and down.
 
     Args:

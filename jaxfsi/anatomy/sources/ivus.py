@@ -31,7 +31,7 @@ from jaxfsi.anatomy.sources.septum_course import (
     coronary_course,
     shifted,
 )
-from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_function
+from jaxfsi.anatomy.vessels import VesselTube, local_half_width, lumen_function
 from jaxfsi.anatomy.wall import requested_thickness, thickness_from_radius, wall_function
 
 _N_ANGLES = 96
@@ -186,12 +186,12 @@ def _outlet_radius(pullback: Pullback, options: IvusOptions) -> float:
     return OPENING_BALL * (reach + float(options.thickness(radius)[0]))
 
 
-def _coronary(pullback: Pullback, course: CoronaryCourse, options: IvusOptions) -> Vessel:
+def _coronary(pullback: Pullback, course: CoronaryCourse, options: IvusOptions) -> VesselTube:
     frames = eccentric_sections(pullback.sections, _N_ANGLES)
     s = course.axis.s
     table = lofted(pullback.s, shifted(frames, course.shift), s)
     blend = options.fillet * np.exp(-(((s - course.s_mouth) / _BLEND_DECAY) ** 2) / 2.0)
-    return Vessel(
+    return VesselTube(
         name="anomalous",
         tube=tube(course.axis, table),
         half_width=np.min(np.ptp(table, axis=1), axis=1) / 2.0,
@@ -200,12 +200,12 @@ def _coronary(pullback: Pullback, course: CoronaryCourse, options: IvusOptions) 
     )
 
 
-def _aorta(radius: float, below: float, above: float, options: IvusOptions) -> Vessel:
+def _aorta(radius: float, below: float, above: float, options: IvusOptions) -> VesselTube:
     ends = np.array([[0.0, 0.0, -below - OVERRUN], [0.0, 0.0, above + OVERRUN]])
     axis = curve_through(ends, _AORTA_SPACING)
     radii = np.full(len(axis.s), radius)
     contours = elliptic_contours(radii, radii, _N_ANGLES)
-    return Vessel(
+    return VesselTube(
         "aorta", tube(axis, contours), radii, options.thickness(radii), np.zeros(len(radii))
     )
 
@@ -225,7 +225,7 @@ def _assembled(
     pullback: Pullback,
     fit: AortaFit,
     course: CoronaryCourse,
-    coronary: Vessel,
+    coronary: VesselTube,
     aorta_radius: float,
     options: IvusOptions,
     state: str,

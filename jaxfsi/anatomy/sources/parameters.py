@@ -21,7 +21,7 @@ _LEAST_BEND = 0.1  # [cm]
 
 
 @dataclasses.dataclass(frozen=True)
-class SyntheticAnatomy:
+class SyntheticParameters:
     """An aortic root with a normal and an anomalous coronary artery.
 
     The anomalous artery of side ``right`` (a right coronary) springs from the left sinus near its
@@ -181,7 +181,7 @@ class Approach(NamedTuple):
     s_parallel: float
 
 
-def approach(p: SyntheticAnatomy) -> Approach:
+def approach(p: SyntheticParameters) -> Approach:
     """Straight rise at the take-off angle α and an arc of radius ρ to the depth D.
 
     Over the arc the depth grows by ρ (1 − cos α); the rest is straight, (D − ρ (1 − cos α))/sin α.
@@ -197,12 +197,12 @@ def approach(p: SyntheticAnatomy) -> Approach:
     return Approach(bend, s_arc, s_arc + bend * alpha)
 
 
-def shortest_intramural_length(p: SyntheticAnatomy) -> float:
+def shortest_intramural_length(p: SyntheticParameters) -> float:
     """Least intramural length [cm]: the approach to its depth, and half that depth of plateau."""
     return approach(p).s_parallel + 0.5 * (p.septum + p.intramural_half_axes[1])
 
 
-def _range_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
+def _range_faults(p: SyntheticParameters) -> Iterator[ParameterFault]:
     if p.side not in ("left", "right"):
         yield ParameterFault("side", p.side, "left or right", "name one of them")
     for name, (low, high, unit) in PARAMETER_RANGES.items():
@@ -212,7 +212,7 @@ def _range_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
             yield ParameterFault(name, value, f"{low:.4g}..{high:.4g} {unit}".strip(), cure)
 
 
-def _wall_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
+def _wall_faults(p: SyntheticParameters) -> Iterator[ParameterFault]:
     if p.thickness_minimum > p.thickness_maximum:
         yield ParameterFault(
             "thickness_minimum",
@@ -232,7 +232,7 @@ def _wall_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
             )
 
 
-def _place_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
+def _place_faults(p: SyntheticParameters) -> Iterator[ParameterFault]:
     if not p.sinus_height < p.junction_height < p.aorta_length - 0.5:
         yield ParameterFault(
             "junction_height",
@@ -252,7 +252,7 @@ def _place_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
             )
 
 
-def _course_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
+def _course_faults(p: SyntheticParameters) -> Iterator[ParameterFault]:
     if p.ostium_major < p.ostium_minor:
         yield ParameterFault(
             "ostium_major",
@@ -287,7 +287,7 @@ def _course_faults(p: SyntheticAnatomy) -> Iterator[ParameterFault]:
         )
 
 
-def parameter_faults(p: SyntheticAnatomy) -> list[ParameterFault]:
+def parameter_faults(p: SyntheticParameters) -> list[ParameterFault]:
     """Everything that is wrong with a set of parameters; empty where it describes an anatomy."""
     faults = list(_range_faults(p))
     if faults:
@@ -295,7 +295,7 @@ def parameter_faults(p: SyntheticAnatomy) -> list[ParameterFault]:
     return [*_wall_faults(p), *_place_faults(p), *_course_faults(p)]
 
 
-def check_parameters(p: SyntheticAnatomy) -> None:
+def check_parameters(p: SyntheticParameters) -> None:
     """Refuse parameters that describe no anatomy.
 
     Raises:
@@ -307,9 +307,9 @@ def check_parameters(p: SyntheticAnatomy) -> None:
         raise ValueError(f"these parameters describe no anatomy:\n{lines}")
 
 
-def adult_anatomy(side: Side = "right") -> SyntheticAnatomy:
+def adult_anatomy(side: Side = "right") -> SyntheticParameters:
     """A typical adult (body surface area 1.9 m²) with an anomalous artery of the given side."""
-    return SyntheticAnatomy(side=side)
+    return SyntheticParameters(side=side)
 
 
 _AORTIC = (
@@ -332,7 +332,7 @@ def coronary_diameter(side: Side, body_surface_area_m2: float) -> float:
     return (-0.182 + 2.924 * root if side == "left" else -0.304 + 2.752 * root) * MM
 
 
-def scaled_anatomy(p: SyntheticAnatomy, body_surface_area_m2: float) -> SyntheticAnatomy:
+def scaled_anatomy(p: SyntheticParameters, body_surface_area_m2: float) -> SyntheticParameters:
     """An adult's anatomy at another body size.
 
     The aorta scales with √(body surface area), the coronary arteries like the normal diameter of
@@ -362,6 +362,8 @@ def scaled_anatomy(p: SyntheticAnatomy, body_surface_area_m2: float) -> Syntheti
     return dataclasses.replace(p, **changes)
 
 
-def paediatric_anatomy(side: Side = "right", body_surface_area_m2: float = 1.2) -> SyntheticAnatomy:
+def paediatric_anatomy(
+    side: Side = "right", body_surface_area_m2: float = 1.2
+) -> SyntheticParameters:
     """A child or adolescent of given body surface area [m²]; see `scaled_anatomy`."""
-    return scaled_anatomy(SyntheticAnatomy(side=side), body_surface_area_m2)
+    return scaled_anatomy(SyntheticParameters(side=side), body_surface_area_m2)

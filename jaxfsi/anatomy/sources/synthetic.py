@@ -16,8 +16,8 @@ from jaxfsi.anatomy.curves.curve import Curve, at_arc_length
 from jaxfsi.anatomy.implicit import Tube, tube
 from jaxfsi.anatomy.sources.aorta import aorta_radius, aorta_tube, end_margin
 from jaxfsi.anatomy.sources.course import Course, anomalous_course, normal_course
-from jaxfsi.anatomy.sources.parameters import SyntheticAnatomy, check_parameters
-from jaxfsi.anatomy.vessels import Vessel, local_half_width, lumen_function
+from jaxfsi.anatomy.sources.parameters import SyntheticParameters, check_parameters
+from jaxfsi.anatomy.vessels import VesselTube, local_half_width, lumen_function
 from jaxfsi.anatomy.wall import requested_thickness, thickness_from_radius, wall_function
 
 AORTA_INLET = "aorta_inlet"
@@ -31,7 +31,7 @@ _NORMAL_BLEND = 0.08
 
 
 def _thickness(
-    p: SyntheticAnatomy, radius: Float[np.ndarray, " samples"]
+    p: SyntheticParameters, radius: Float[np.ndarray, " samples"]
 ) -> Float[np.ndarray, " samples"]:
     return thickness_from_radius(
         radius,
@@ -41,7 +41,7 @@ def _thickness(
     )
 
 
-def _septum_blend(p: SyntheticAnatomy, course: Course) -> Float[np.ndarray, " samples"]:
+def _septum_blend(p: SyntheticParameters, course: Course) -> Float[np.ndarray, " samples"]:
     """Blend radius along the anomalous artery [cm].
 
     Where the gap g between the lumens is below half the septum, k = 1.5 septum joins them (two
@@ -55,18 +55,18 @@ def _septum_blend(p: SyntheticAnatomy, course: Course) -> Float[np.ndarray, " sa
     return p.septum * (_TIP_BLEND + (_FAR_BLEND - _TIP_BLEND) * x)
 
 
-def _aorta(p: SyntheticAnatomy) -> Vessel:
+def _aorta(p: SyntheticParameters) -> VesselTube:
     lumen = aorta_tube(p)
     radius = aorta_radius(p, lumen.axis.s)
-    return Vessel("aorta", lumen, radius, _thickness(p, radius), np.zeros_like(radius))
+    return VesselTube("aorta", lumen, radius, _thickness(p, radius), np.zeros_like(radius))
 
 
 def _branch(
-    p: SyntheticAnatomy, name: str, course: Course, blend: Float[np.ndarray, " samples"]
-) -> Vessel:
+    p: SyntheticParameters, name: str, course: Course, blend: Float[np.ndarray, " samples"]
+) -> VesselTube:
     radius = np.sqrt(course.half_major * course.half_minor)
     half_width = np.minimum(course.half_major, course.half_minor)
-    return Vessel(
+    return VesselTube(
         name, tube(course.axis, course.contours), half_width, _thickness(p, radius), blend
     )
 
@@ -82,7 +82,7 @@ def _opening(
 
 
 def _openings(
-    p: SyntheticAnatomy, aorta: Vessel, anomalous: Course, normal: Course
+    p: SyntheticParameters, aorta: VesselTube, anomalous: Course, normal: Course
 ) -> tuple[Opening, ...]:
     axis = aorta.tube.axis
     ends = ((AORTA_INLET, -p.inflow_length), (AORTA_OUTLET, p.aorta_length))
@@ -114,13 +114,13 @@ def _surface(lumen: Tube) -> Float[np.ndarray, "points 3"]:
     return np.asarray(lumen.tree.data)
 
 
-def _bounds(vessels: tuple[Vessel, ...]) -> Float[np.ndarray, "2 3"]:
+def _bounds(vessels: tuple[VesselTube, ...]) -> Float[np.ndarray, "2 3"]:
     points = np.concatenate([_surface(vessel.tube) for vessel in vessels])
     margin = 1.5 * max(float(np.max(vessel.thickness)) for vessel in vessels)
     return np.stack([points.min(axis=0) - margin, points.max(axis=0) + margin])
 
 
-def _check_apart(anomalous: Vessel, normal: Vessel) -> None:
+def _check_apart(anomalous: VesselTube, normal: VesselTube) -> None:
     apart = float(anomalous.tube.tree.query(_surface(normal.tube))[0].min())
     needed = float(anomalous.thickness.max() + normal.thickness.max())
     if apart < needed:
@@ -132,7 +132,7 @@ def _check_apart(anomalous: Vessel, normal: Vessel) -> None:
         )
 
 
-def synthetic_vessels(p: SyntheticAnatomy) -> tuple[tuple[Vessel, ...], Course, Course]:
+def synthetic_vessels(p: SyntheticParameters) -> tuple[tuple[VesselTube, ...], Course, Course]:
     """Aorta, anomalous and normal artery as vessels, and the courses of the two arteries.
 
     Raises:
@@ -148,7 +148,7 @@ def synthetic_vessels(p: SyntheticAnatomy) -> tuple[tuple[Vessel, ...], Course, 
     return (aorta, anomalous, normal), course, other
 
 
-def synthetic_anatomy(p: SyntheticAnatomy) -> Anatomy:
+def synthetic_anatomy(p: SyntheticParameters) -> Anatomy:
     """The anatomy that parameters describe.
 
     Openings: ``aorta_inlet``, ``aorta_outlet``, ``anomalous_outlet``, ``normal_outlet``;

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.measures import triangle_normals
 from jaxfsi.mesh import INTERFACE, Mesh, Region
-from jaxfsi.meshing.check.quality import Spread, spread_of
+from jaxfsi.meshing.check.quality import Distribution, spread_of
 from jaxfsi.meshing.check.thickness import Exit, wall_thickness
 from jaxfsi.meshing.surface.projection import gradients
 from jaxfsi.meshing.surface.sizes import solid_depth
@@ -30,9 +30,9 @@ class Fidelity:
         elements_across: local width of the lumen over the mean edge of tetrahedra of the blood.
     """
 
-    wall_ratio: Spread | None
-    septum_ratio: Spread | None
-    elements_across: Spread
+    wall_ratio: Distribution | None
+    septum_ratio: Distribution | None
+    elements_across: Distribution
 
     def to_dict(self) -> dict[str, object]:
         """Plain values for a JSON file."""
@@ -89,5 +89,5 @@ def _along(
     return np.einsum("pk,pk->p", slope, direction) / norm
 
 
-def _spread(values: Float[np.ndarray, " values"]) -> Spread | None:
+def _spread(values: Float[np.ndarray, " values"]) -> Distribution | None:
     return spread_of(values) if len(values) else None

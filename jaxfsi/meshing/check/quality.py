@@ -13,7 +13,7 @@ from jaxfsi.meshing.check.tet_quality import tet_quality
 from jaxfsi.meshing.check.thickness import wall_thickness
 
 
-class Spread(NamedTuple):
+class Distribution(NamedTuple):
     """How a measure is distributed over elements or places."""
 
     minimum: float
@@ -59,9 +59,9 @@ class Quality:
     n_tets: dict[str, int]
     volume_cm3: dict[str, float]
     area_cm2: dict[str, float]
-    measures: dict[str, dict[str, Spread]]
-    wall_thickness_cm: Spread | None
-    septum_thickness_cm: Spread | None
+    measures: dict[str, dict[str, Distribution]]
+    wall_thickness_cm: Distribution | None
+    septum_thickness_cm: Distribution | None
     through_edges: ThroughEdges
 
     @property
@@ -72,7 +72,7 @@ class Quality:
     def to_dict(self) -> dict[str, object]:
         """Plain values for a JSON file."""
 
-        def plain(spread: Spread | None) -> dict[str, float] | None:
+        def plain(spread: Distribution | None) -> dict[str, float] | None:
             return None if spread is None else spread._asdict()
 
         return {
@@ -104,16 +104,18 @@ class Quality:
             )
             if spread is not None
         ]
-        head = f"{'measure':26}" + "".join(f"{column:>11}" for column in Spread._fields)
+        head = f"{'measure':26}" + "".join(f"{column:>11}" for column in Distribution._fields)
         lines = [f"{name:26}" + "".join(f"{value:11.4g}" for value in row) for name, row in rows]
         return "\n".join([head, *lines])
 
 
-def spread_of(values: Float[np.ndarray, " values"]) -> Spread:
+def spread_of(values: Float[np.ndarray, " values"]) -> Distribution:
     """Minimum, 1st percentile, median, 99th percentile and maximum."""
     if len(values) == 0:
         raise ValueError("no values to summarise. Ask only for measures that the mesh has.")
-    return Spread(*(float(value) for value in np.percentile(values, [0.0, 1.0, 50.0, 99.0, 100.0])))
+    return Distribution(
+        *(float(value) for value in np.percentile(values, [0.0, 1.0, 50.0, 99.0, 100.0]))
+    )
 
 
 def mesh_quality(mesh: Mesh) -> Quality:
@@ -146,14 +148,16 @@ def mesh_quality(mesh: Mesh) -> Quality:
     )
 
 
-def _measures(mesh: Mesh, region: Region) -> dict[str, Spread]:
+def _measures(mesh: Mesh, region: Region) -> dict[str, Distribution]:
     tets = mesh.tets_of(region)
     shape = tet_quality(mesh.points, tets)
     measures = {name: spread_of(values) for name, values in shape._asdict().items()}
     return measures | {"edge_cm": spread_of(edge_lengths(mesh.points, tet_edges(tets)))}
 
 
-def _thicknesses(mesh: Mesh, regions: list[Region]) -> tuple[Spread | None, Spread | None]:
+def _thicknesses(
+    mesh: Mesh, regions: list[Region]
+) -> tuple[Distribution | None, Distribution | None]:
     if Region.SOLID not in regions or INTERFACE not in mesh.label_names:
         return None, None
     measured = wall_thickness(mesh)

@@ -27,7 +27,7 @@ _VOLUME_TOLERANCE = 1e-9  # round-off of a sum over 1e6 faces, relative
 _OUTSIDE = -1e-9  # barycentric coordinate below which a node lies off a tetrahedron
 
 
-class Fault(NamedTuple):
+class TopologyFault(NamedTuple):
     """One thing wrong with the topology of a mesh.
 
     Attributes:
@@ -58,7 +58,7 @@ class TopologyReport:
     n_components: dict[str, int]
     volume: dict[str, float]
     volume_from_faces: dict[str, float]
-    faults: tuple[Fault, ...]
+    faults: tuple[TopologyFault, ...]
 
     @property
     def euler(self) -> dict[str, int]:
@@ -105,7 +105,9 @@ def check_topology(mesh: Mesh) -> TopologyReport:
     Returns:
         The numbers and the faults; nothing is raised.
     """
-    elements = [Fault(clause, "elements", _CURE_ELEMENTS) for clause in element_faults(mesh)]
+    elements = [
+        TopologyFault(clause, "elements", _CURE_ELEMENTS) for clause in element_faults(mesh)
+    ]
     if is_crowded(mesh):
         return TopologyReport({}, {}, {}, {}, tuple(elements))
     regions = [region for region in Region if np.any(mesh.region == region)]
@@ -116,7 +118,7 @@ def check_topology(mesh: Mesh) -> TopologyReport:
     from_faces = {_REGION[region]: _labelled_volume(mesh, region) for region in regions}
     faults = [
         *elements,
-        *(Fault(clause, "labels", _CURE_LABELS) for clause in label_faults(mesh)),
+        *(TopologyFault(clause, "labels", _CURE_LABELS) for clause in label_faults(mesh)),
         *_surface_faults(surfaces, _expected_euler(mesh, regions)),
         *_component_faults(components),
         *_volume_faults(volume, from_faces),
@@ -125,13 +127,13 @@ def check_topology(mesh: Mesh) -> TopologyReport:
     return TopologyReport(surfaces, components, volume, from_faces, tuple(faults))
 
 
-def unlabelled_faults(mesh: Mesh) -> list[Fault]:
+def unlabelled_faults(mesh: Mesh) -> list[TopologyFault]:
     """What is wrong with tetrahedra and regions alone, before their faces can be labelled.
 
     Args:
         mesh: mesh whose labels are not looked at; nodes that no tetrahedron uses are no fault.
     """
-    faults = [Fault(clause, "elements", _CURE_ELEMENTS) for clause in cell_faults(mesh)]
+    faults = [TopologyFault(clause, "elements", _CURE_ELEMENTS) for clause in cell_faults(mesh)]
     if is_crowded(mesh):
         return faults
     regions = [region for region in Region if np.any(mesh.region == region)]
@@ -215,7 +217,9 @@ def _at(point: tuple[float, float, float] | None) -> str:
     return "" if point is None else f" at {place(np.array(point))}"
 
 
-def _surface_faults(surfaces: dict[str, SurfaceTopology], expected: dict[str, int]) -> list[Fault]:
+def _surface_faults(
+    surfaces: dict[str, SurfaceTopology], expected: dict[str, int]
+) -> list[TopologyFault]:
     faults = []
     for name, surface in surfaces.items():
         where = f"boundary of the {name}" if name != "outer" else "outer boundary"
@@ -228,7 +232,7 @@ def _surface_faults(surfaces: dict[str, SurfaceTopology], expected: dict[str, in
             }
             said = ", ".join(f"{number} {what}" for what, number in counts.items() if number)
             faults.append(
-                Fault(
+                TopologyFault(
                     f"it is no closed manifold: {said}",
                     where + _at(surface.fault_at),
                     "Refine there, or widen the gap that is pinched",
@@ -241,7 +245,7 @@ def _surface_faults(surfaces: dict[str, SurfaceTopology], expected: dict[str, in
                 else ""
             )
             faults.append(
-                Fault(
+                TopologyFault(
                     f"its Euler characteristic is {surface.euler}, not {expected[name]}{pieces}",
                     where,
                     _CURE_EULER[name],
@@ -250,9 +254,9 @@ def _surface_faults(surfaces: dict[str, SurfaceTopology], expected: dict[str, in
     return faults
 
 
-def _component_faults(components: dict[str, int]) -> list[Fault]:
+def _component_faults(components: dict[str, int]) -> list[TopologyFault]:
     return [
-        Fault(
+        TopologyFault(
             f"it falls into {number} pieces",
             name,
             "Keep the largest piece, or join the pieces by smaller elements where they part",
@@ -262,9 +266,9 @@ def _component_faults(components: dict[str, int]) -> list[Fault]:
     ]
 
 
-def _volume_faults(volume: dict[str, float], from_faces: dict[str, float]) -> list[Fault]:
+def _volume_faults(volume: dict[str, float], from_faces: dict[str, float]) -> list[TopologyFault]:
     return [
-        Fault(
+        TopologyFault(
             f"its tetrahedra fill {volume[name]:.9g} cm³, its labelled faces enclose"
             f" {from_faces[name]:.9g} cm³",
             name,
@@ -277,13 +281,13 @@ def _volume_faults(volume: dict[str, float], from_faces: dict[str, float]) -> li
     ]
 
 
-def _intrusion_faults(mesh: Mesh) -> list[Fault]:
+def _intrusion_faults(mesh: Mesh) -> list[TopologyFault]:
     faults = []
     for inner, outer in ((Region.SOLID, Region.FLUID), (Region.FLUID, Region.SOLID)):
         inside = nodes_inside(mesh, inner, outer)
         if inside.size:
             faults.append(
-                Fault(
+                TopologyFault(
                     f"{inside.size} nodes of the {_REGION[inner]} that the {_REGION[outer]} does"
                     " not share lie in or on it",
                     f"{_REGION[outer]} at {place(mesh.points[inside[0]])}",

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from jaxfsi.mesh import tet_volumes
 
 
-class Section(NamedTuple):
+class PlaneMesh(NamedTuple):
     """A triangulated plane cross-section.
 
     Attributes:
@@ -30,7 +30,7 @@ class Section(NamedTuple):
 
 
 def extruded(
-    section: Section, heights: Float[np.ndarray, " levels"]
+    section: PlaneMesh, heights: Float[np.ndarray, " levels"]
 ) -> tuple[Float[np.ndarray, "nodes 3"], Int[np.ndarray, "tets 4"], Int[np.ndarray, " tets"]]:
     """Points, positively oriented tetrahedra and regions of a section drawn along z.
 

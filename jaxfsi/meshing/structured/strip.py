@@ -7,7 +7,7 @@ import numpy as np
 from jaxfsi.faces import region_faces
 from jaxfsi.mesh import Mesh, Region
 from jaxfsi.meshing.labels import labelled_mesh
-from jaxfsi.meshing.structured.prisms import Section, extruded
+from jaxfsi.meshing.structured.prisms import PlaneMesh, extruded
 
 
 def strip(
@@ -57,7 +57,7 @@ def strip(
     return dataclasses.replace(mesh, wedges=np.concatenate([triangles, triangles + n], axis=1))
 
 
-def _rectangle(length: float, width: float, n_length: int, n_width: int) -> Section:
+def _rectangle(length: float, width: float, n_length: int, n_width: int) -> PlaneMesh:
     """Squares cut along alternating diagonals, so that neither direction is favoured."""
     x, y = np.meshgrid(
         np.linspace(0.0, length, n_length + 1), np.linspace(0.0, width, n_width + 1), indexing="ij"
@@ -71,4 +71,4 @@ def _rectangle(length: float, width: float, n_length: int, n_width: int) -> Sect
     second = np.where(rising, np.stack([a, c, d], 1), np.stack([b, c, d], 1))
     triangles = np.concatenate([first, second])
     region = np.full(len(triangles), int(Region.SOLID))
-    return Section(np.stack([x.reshape(-1), y.reshape(-1)], axis=1), triangles, region)
+    return PlaneMesh(np.stack([x.reshape(-1), y.reshape(-1)], axis=1), triangles, region)

@@ -16,7 +16,7 @@ from jaxfsi.faces import boundary_of
 from jaxfsi.mesh import Mesh, Region, tet_volumes
 from jaxfsi.mesh_parts import submesh
 from jaxfsi.meshing.labels import label_faces
-from jaxfsi.meshing.structured.prisms import Section, extruded, in_columns, strip_between
+from jaxfsi.meshing.structured.prisms import PlaneMesh, extruded, in_columns, strip_between
 from jaxfsi.opening import Opening
 
 PointMap = Callable[[Float[np.ndarray, "points 3"]], Float[np.ndarray, "points 3"]]
@@ -201,7 +201,7 @@ def elliptic(*, axis_ratio: float) -> PointMap:
 
 def _tube_section(
     radius: float, thickness: float, n_around: int, n_layers: int, n_rings: int | None
-) -> Section:
+) -> PlaneMesh:
     """Disc and wall; nodes run from the centre outwards, ring by ring."""
     if n_rings is None:
         n_rings = max(1, round(n_around / _ROUND_CENTRE))
@@ -226,7 +226,7 @@ def _tube_section(
     n_wall = sum(len(band) for band in bands[n_rings - 1 :])
     region = np.full(len(triangles), int(Region.FLUID))
     region[len(triangles) - n_wall :] = int(Region.SOLID)
-    return Section(np.concatenate([np.zeros((1, 2)), circle]), triangles, region)
+    return PlaneMesh(np.concatenate([np.zeros((1, 2)), circle]), triangles, region)
 
 
 def _check_sizes(**sizes: float) -> None:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.adjoint.ratio_gradient import Reading, advance_part, ratio_gradient
+from jaxfsi.adjoint.ratio_gradient import RatioSensors, advance_part, ratio_gradient
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.core.step.stepper import prepare
 from jaxfsi.verification.coupled_tube import coupled_mesh, coupled_model
@@ -39,7 +39,7 @@ class _Memory:
 @pytest.fixture(scope="module")
 def run():
     model = coupled_model(coupled_mesh())
-    reading = Reading(jnp.arange(5), model.names.index("outlet"), model.names.index("inlet"))
+    reading = RatioSensors(jnp.arange(5), model.names.index("outlet"), model.names.index("inlet"))
     return model, initial_state(model, p=500.0), reading
 
 

@@ -8,7 +8,7 @@ import pytest
 from jaxfsi.anatomy import (
     Anatomy,
     PointFunction,
-    SyntheticAnatomy,
+    SyntheticParameters,
     adult_anatomy,
     paediatric_anatomy,
     parameter_faults,
@@ -34,7 +34,7 @@ CORNERS = [
 ]
 
 
-def _corner(values: tuple[float, ...], side: str) -> SyntheticAnatomy:
+def _corner(values: tuple[float, ...], side: str) -> SyntheticParameters:
     take_off, length, ellipticity, hypoplasia, septum, radius = values
     p = dataclasses.replace(
         adult_anatomy("left" if side == "left" else "right"),
@@ -115,7 +115,7 @@ def _thickness(anatomy: Anatomy, points: np.ndarray, normals: np.ndarray) -> np.
 
 
 @pytest.mark.parametrize("p", [adult_anatomy("left"), paediatric_anatomy("right", 0.9)])
-def test_wall_is_as_thick_as_asked_away_from_junctions(p: SyntheticAnatomy) -> None:
+def test_wall_is_as_thick_as_asked_away_from_junctions(p: SyntheticParameters) -> None:
     anatomy = synthetic_anatomy(p)
     aorta, anomalous, normal = synthetic_vessels(p)[0]
     theta = 2.0 * np.pi * np.arange(24) / 24
@@ -143,7 +143,7 @@ def test_wall_is_as_thick_as_asked_away_from_junctions(p: SyntheticAnatomy) -> N
 
 
 @pytest.mark.parametrize("p", [adult_anatomy("left"), paediatric_anatomy("right", 0.8)])
-def test_openings_lie_inside_the_lumen_and_cut_one_vessel_each(p: SyntheticAnatomy) -> None:
+def test_openings_lie_inside_the_lumen_and_cut_one_vessel_each(p: SyntheticParameters) -> None:
     anatomy = synthetic_anatomy(p)
     vessels = synthetic_vessels(p)[0]
     owners = {"aorta_inlet": 0, "aorta_outlet": 0, "anomalous_outlet": 1, "normal_outlet": 2}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import (
-    Vessel,
+    VesselTube,
     curve_through,
     elliptic_contours,
     lumen_distance,
@@ -13,11 +13,11 @@ from jaxfsi.anatomy import (
 )
 
 
-def _vessel(name: str, x: float, radius: float, thickness: float) -> Vessel:
+def _vessel(name: str, x: float, radius: float, thickness: float) -> VesselTube:
     curve = curve_through(np.array([[x, 0.0, 0.0], [x, 0.0, 3.0]]), 0.05)
     ones = np.ones_like(curve.s)
     lumen = tube(curve, elliptic_contours(radius * ones, radius * ones, 40))
-    return Vessel(name, lumen, radius * ones, thickness * ones, 0.01 * ones)
+    return VesselTube(name, lumen, radius * ones, thickness * ones, 0.01 * ones)
 
 
 def _across(x: list[float], y: float = 0.0) -> np.ndarray:

@@ -16,7 +16,7 @@ from study.case.json_schema import json_schema, schema_path, schema_text
 from study.case.laws import CARREAU_YASUDA
 from study.case.reference import reference
 from study.case.schema import keys_of, spellings
-from study.case.sections import CASE, CONDITION_SLOT, RECORD, Section
+from study.case.sections import CASE, CONDITION_SLOT, RECORD, FileTable
 from study.store.stages import plain
 
 ROOT = pathlib.Path(__file__).parents[3]
@@ -36,7 +36,7 @@ def test_published_schema_is_up_to_date_and_printed(kind, command):
     assert json.loads(printed.stdout) == json_schema(kind)
 
 
-def properties_of(section: Section, schema: dict) -> dict[str, dict]:
+def properties_of(section: FileTable, schema: dict) -> dict[str, dict]:
     """What the schema says of the keys of a table."""
     tables = schema["properties"]
     if section.kind:

@@ -17,7 +17,7 @@ from jaxfsi.anatomy.surfaces.flat_ends import outwards
 from jaxfsi.anatomy.surfaces.triangles import cleaned
 from jaxfsi.mesh_files import write_mesh, write_mesh_complete
 from jaxfsi.opening import distal_name, inlet_name, is_segment
-from jaxfsi.simulation import Record
+from jaxfsi.simulation import StepHistory
 from jaxfsi.simulation.cycles import inlet_of
 from lumped import MMHG
 from study.case.anatomy import MeshAnatomy, SurfaceAnatomy, SurfaceCut
@@ -35,13 +35,13 @@ LEVELS = np.array([90.0, 89.0, 77.0, 85.0])  # mmHg
 ORDERS = list(itertools.permutations(range(4)))[::5]
 
 
-def record(order: tuple[int, ...]) -> tuple[Record, tuple[str, ...]]:
+def record(order: tuple[int, ...]) -> tuple[StepHistory, tuple[str, ...]]:
     """One beat of 0.8 s with ports in an order, and their names in it."""
     t = 0.08 * np.arange(1, 11)
     P = MMHG * (LEVELS + 10.0 * np.sin(2.0 * np.pi * t / 0.8)[:, None])[:, list(order)]
     ones, counts = np.ones(10), np.ones(10, int)
     Q = np.ones((10, 4)) * np.array(order)
-    made = Record(ones, t, 0.0 * t + 0.08, P, Q, counts, counts, ones, ones, ones)
+    made = StepHistory(ones, t, 0.0 * t + 0.08, P, Q, counts, counts, ones, ones, ones)
     return made, tuple(NAMES[i] for i in order)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import study.run.simulation as simulation_run
-from jaxfsi.simulation import ProgressRecord, Record
+from jaxfsi.simulation import ProgressRecord, StepHistory
 from study.run.simulation import write_history
 from study.run.simulation_data import Schedule
 
@@ -16,7 +16,7 @@ NAMES = ("aorta_inlet", "outer_wall", "anomalous_outlet")
 def _record(n=3):
     ones, counts = np.ones(n), np.ones(n, int)
     P = np.array([[1.0, 2.0, 3.0]] * n) * 1333.22
-    return Record(ones, ones, ones, P, P, counts, counts, ones, ones, ones)
+    return StepHistory(ones, ones, ones, P, P, counts, counts, ones, ones, ones)
 
 
 def test_outside_of_the_wall_is_no_opening_of_the_history(tmp_path):

@@ -14,7 +14,7 @@ import study.cli.algorithm_command as algorithm_command
 import study.run.mesh as mesh_case
 import study.run.run_3d as run_3d
 from calibration import RATIO_TOLERANCE
-from jaxfsi.simulation import Record
+from jaxfsi.simulation import StepHistory
 from lumped import MMHG, PressureSource, Shooting, Vessel, connect, solve_periodic
 from study.run.simulation_data import Outcome
 
@@ -29,7 +29,7 @@ def _record(t, P_aorta, P_distal, Q, names):
     P[:, names.index("anomalous_outlet")] = P_distal
     flow[:, names.index("anomalous_outlet")] = Q
     ones, counts = np.ones(n), np.ones(n, int)
-    return Record(ones, t, np.full(n, t[0]), P, flow, counts, counts, ones, ones, ones)
+    return StepHistory(ones, t, np.full(n, t[0]), P, flow, counts, counts, ones, ones, ones)
 
 
 class _March:

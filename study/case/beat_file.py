@@ -1,8 +1,8 @@
 """A measured beat of aortic pressure, read from a CSV file.
 
-The file has a header with the columns `time_s` and `P_aorta_mmHg` (others are left aside), uniform
-samples from t = 0 at the start of ejection, and covers one period. A sample at t = period repeats
-the first one and is dropped, so that sample k of n stands for t = k period/n.
+The header names the columns `time_s` and `P_aorta_mmHg`; other columns are ignored. Samples are
+uniform, start at t = 0 with ejection, and cover one period. A sample at t = period repeats the
+first one and is dropped, so that sample k of n belongs to t = k period/n.
 """
 
 import math
@@ -16,16 +16,17 @@ from study.case.faults import Fault, shown, unreadable
 from study.case.schema import Quantity
 
 FEWEST_SAMPLES = 8
-"""Below this a beat has no shape."""
+"""Smallest number of samples that resolves the shape of a beat."""
 
 MOST_SAMPLES = 10_000
-"""Above this a beat has no more shape, and only takes longer."""
+"""Largest number of samples; more cost time and add no detail."""
 
 LARGEST_SIZE = 2**24
-"""Size beyond which a file cannot be one beat [bytes]."""
+"""Largest size of a file; one beat is far smaller [bytes]."""
 
 _UNEVENNESS = 0.2
-"""Allowed shift of a sample, in steps: rounded clock times pass, a lost sample (0.5) does not."""
+"""Allowed deviation of a sample from uniform times [steps]: rounding passes, a lost sample (0.5)
+fails."""
 
 _PEAK_FACTOR = 2.0
 """Beat and stated pressure may be of different minutes; a slip of unit is a larger factor."""

@@ -1,13 +1,15 @@
-"""Where the beats of a recording begin, found from its aortic pressure.
+"""Finds where the beats of a recording begin, from the upstrokes of its aortic pressure.
 
-1. The slope of the smoothed trace has one high peak a beat; the notch's is far lower.
-2. A polynomial m(u) through the upstrokes of all beats, u = time from the peak, each beat with a
-   level of its own, moves every upstroke to where it fits best (Woody 1967, Med Biol Eng 5:539):
+1. The derivative of the smoothed pressure has one high peak a beat; that of the dicrotic notch is
+   far lower.
+2. One polynomial m(u) is fitted to the upstrokes of all beats, with u the time from the peak and an
+   offset level_k for each beat. Each upstroke then moves to where the polynomial fits best
+   (Woody 1967, Med Biol Eng 5:539):
 
        δ_k = Σ (P − level_k − m) m′ / Σ m′²,    sd δ = sd P / √(Σ m′²).
 
-3. The rise lies at `RISE` of a beat of the base model, whatever the pressures; where the recording
-   says that it starts at ejection that is used instead.
+3. In the base model the middle of the upstroke lies at the phase `RISE`, whatever the pressures.
+   Where a recording is known to start at ejection, that is used instead.
 """
 
 from typing import NamedTuple
@@ -22,10 +24,10 @@ _WINDOW = 0.13
 """Half width of an upstroke [beats]."""
 
 _SMOOTHING = 0.03
-"""Standard deviation of the smoothing that comes before slopes are looked at [beats]."""
+"""Standard deviation of the Gaussian that smooths the pressure before differentiation [beats]."""
 
 _FARTHEST = 0.06
-"""Farthest that an upstroke is moved from the highest slope [beats]."""
+"""Largest shift of an upstroke from the steepest point [beats]."""
 
 _DEGREE = 6
 _PASSES = 6
@@ -36,7 +38,7 @@ class Upstrokes(NamedTuple):
 
     Attributes:
         at: middle of the steepest rise of each beat [s].
-        sd: standard deviation of each by the noise of the trace [s].
+        sd: standard deviation of each, from the noise of the pressure [s].
     """
 
     at: np.ndarray
@@ -44,7 +46,7 @@ class Upstrokes(NamedTuple):
 
 
 def find_upstrokes(t: np.ndarray, P: np.ndarray, period: float) -> Upstrokes:
-    """Upstrokes of all beats that are wholly in the recording.
+    """Upstrokes that lie wholly inside the recording.
 
     Args:
         t: times [s], ascending.
@@ -58,7 +60,7 @@ def find_upstrokes(t: np.ndarray, P: np.ndarray, period: float) -> Upstrokes:
 
 
 def _steepest(t: np.ndarray, P: np.ndarray, period: float) -> np.ndarray:
-    """Instants of the highest slopes of the smoothed trace, one a beat."""
+    """Times of the steepest rise of the smoothed pressure, one a beat."""
     count = max(int(np.ceil((t[-1] - t[0]) / period * 200.0)), 8)
     fine = np.linspace(t[0], t[-1], count)
     h = fine[1] - fine[0]
@@ -70,21 +72,21 @@ def _steepest(t: np.ndarray, P: np.ndarray, period: float) -> np.ndarray:
     if height <= 0.0:
         return np.zeros(0)
     at = _peaks(slope, height, max(int(0.55 * reach), 1))
-    # an upstroke that the file cuts off has no steepest point of its own
+    # an upstroke that the recording cuts off may lack its steepest point
     margin = 0.75 * _WINDOW * period
     inside = (fine[at] - t[0] > margin) & (t[-1] - fine[at] > margin)
     return fine[at[inside]]
 
 
 def _smoothed(wave: np.ndarray, width: float) -> np.ndarray:
-    """A wave averaged by a Gaussian of some standard deviation in samples, its ends held."""
+    """Convolution with a Gaussian of standard deviation `width` [samples], end values repeated."""
     reach = int(np.ceil(4.0 * width))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / width) ** 2)
     return np.convolve(np.pad(wave, reach, mode="edge"), kernel / kernel.sum(), mode="valid")
 
 
 def _peaks(wave: np.ndarray, height: float, distance: int) -> np.ndarray:
-    """Local maxima above a height, the highest first, none nearer to another than a distance."""
+    """Local maxima of at least `height`; of two closer than `distance` the higher one."""
     inner = (wave[1:-1] > wave[:-2]) & (wave[1:-1] >= wave[2:]) & (wave[1:-1] >= height)
     kept: list[int] = []
     for k in sorted((np.flatnonzero(inner) + 1).tolist(), key=lambda k: -wave[k]):
@@ -94,7 +96,7 @@ def _peaks(wave: np.ndarray, height: float, distance: int) -> np.ndarray:
 
 
 def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> Upstrokes:
-    """Upstrokes moved to where each fits the polynomial through all of them."""
+    """Upstrokes, each shifted to fit the polynomial common to all (step 2 above)."""
     at, sd = rough.copy(), _WINDOW * period
     for _ in range(_PASSES):
         u = (t[None, :] - at[:, None]) / period
@@ -102,13 +104,13 @@ def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> 
         x, y = u[beat, sample] / _WINDOW, P[sample]
         degree = int(np.clip((x.size - at.size) // 3, 1, _DEGREE))
         powers = np.arange(1, degree + 1)
-        # a level of its own takes the mean of each beat out of the fit
+        # the offset of each beat: subtract the mean of its samples
         design = _less_means(x[:, None] ** powers, beat, at.size)
         wave = _less_means(y[:, None], beat, at.size)[:, 0]
         fit = np.linalg.lstsq(design, wave, rcond=None)[0]
         rest = wave - design @ fit
         slope = (powers * x[:, None] ** (powers - 1)) @ fit / (_WINDOW * period)
-        # a level of its own leaves a beat the part of the slope that is not constant within it
+        # with an offset for each beat only the part of the derivative that varies within it counts
         inner = np.bincount(beat, slope, at.size) / np.maximum(
             np.bincount(beat, minlength=at.size), 1
         )
@@ -116,7 +118,7 @@ def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> 
             beat, slope**2, at.size
         )
         moved = -np.bincount(beat, rest * slope, at.size) / np.maximum(power, 1e-9)
-        # one that runs away has lost its upstroke
+        # limit the shift: a diverging one has left its upstroke
         at = np.clip(at + moved, rough - _FARTHEST * period, rough + _FARTHEST * period)
         freedom = max(x.size - at.size - degree, 1)
         sd = float(np.sqrt((rest**2).sum() / freedom / np.median(power)))
@@ -124,14 +126,14 @@ def _aligned(t: np.ndarray, P: np.ndarray, period: float, rough: np.ndarray) -> 
 
 
 def _less_means(columns: np.ndarray, beat: np.ndarray, count: int) -> np.ndarray:
-    """Columns of values less the mean of each over the samples of the same beat."""
+    """Columns minus their mean over the samples of each beat."""
     number = np.maximum(np.bincount(beat, minlength=count), 1)
     means = [np.bincount(beat, column, count) / number for column in columns.T]
     return columns - np.stack(means, axis=1)[beat]
 
 
 def rise_of(beat: np.ndarray) -> float:
-    """Phase at which a beat on a uniform grid crosses half of its rise, looked for near `RISE`."""
+    """Phase, nearest to `RISE`, at which a uniformly sampled beat crosses half of its rise."""
     n = beat.size
     fine = np.arange(4 * 256) / (4 * 256)
     wave = np.fft.irfft(np.fft.rfft(beat) * (fine.size / n), fine.size)

@@ -1,9 +1,9 @@
-"""Recorded beats of a condition, read from a CSV file, with the faults that recordings have.
+"""Reads the recorded beats of a condition from a CSV file and reports faults of the recording.
 
-Columns `time_s`, `P_aorta_mmHg`, `P_distal_mmHg`, `Q_coronary_ml_per_min`; a sensor that was not
-there has no column. A recording of equal whole beats from the start of ejection on, with a whole
-number of uniform samples in each, is cut by index. Any other is folded by time, see `folding`: its
-beats are found in the aortic pressure, and it may begin and end anywhere.
+Columns are `time_s`, `P_aorta_mmHg`, `P_distal_mmHg` and `Q_coronary_ml_per_min`; a sensor that was
+not used has no column. A recording of equal whole beats that starts at ejection, with a whole
+number of uniform samples in each, is cut by sample index. Any other may begin and end anywhere: its
+beats are found in the aortic pressure and averaged by `study.case.beat_folding`.
 """
 
 import math
@@ -14,8 +14,8 @@ import numpy as np
 
 from lumped.units import ML_PER_MIN
 from study.case.advice import explain_wrong_unit
+from study.case.beat_folding import Folded, Unfoldable, fold
 from study.case.faults import Fault, shown, unreadable
-from study.case.folding import Folded, Unfoldable, fold
 from study.case.onsets import find_upstrokes
 from study.case.schema import Quantity
 

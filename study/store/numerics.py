@@ -101,7 +101,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 """Modules of each part, as patterns of paths; a module may belong to more than one."""
 
 WITHOUT_NUMBERS: tuple[str, ...] = (
-    "diagnosis/*", "study/run/diagnosis*", "study/case/folding.py", "study/case/onsets.py",
+    "diagnosis/*", "study/run/diagnosis*", "study/case/beat_folding.py", "study/case/onsets.py",
     "study/case/record*",  # a diagnosis is computed anew each time
     "jaxfsi/verification/*", "lumped/lazy_package.py", "lumped/svzerod*", "lumped/verification.py",
     "lumped/whole_files.py",

@@ -20,7 +20,7 @@ from diagnosis.prediction import (
     selection,
 )
 from lumped import MMHG
-from study.case.folding import Folded, fold
+from study.case.beat_folding import Folded, fold
 
 STEP = 2
 SETTINGS = (

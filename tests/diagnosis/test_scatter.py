@@ -11,7 +11,7 @@ from diagnosis.circuit import FROM_SAMPLES
 from diagnosis.measured import data_of, weights, whitener_of
 from diagnosis.scatter import folded_noise
 from lumped import MMHG
-from study.case.folding import Folded
+from study.case.beat_folding import Folded
 from tests.diagnosis.records import clocked, synthetic
 
 CLOCKS = (

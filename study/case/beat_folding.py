@@ -1,19 +1,20 @@
-"""Beats of unequal length laid over each other: from times to phases to harmonics.
+"""Averages beats of unequal length: sample times become phases, phases give harmonics.
 
-A beat that begins at o_k and lasts T_k, with r_k = T_k/T: systole, the first `SYSTOLE` of the mean
-beat, lasts SYSTOLE T (1 + s (r_k − 1)), and the rest what is left. s = 1 stretches the beat evenly,
-s = 0 keeps the length of systole, as hearts nearly do; the s that leaves the least scatter is
-taken, the same for all sensors. In these phases the mean of the beats stands for the beat of mean
-length.
+Beat k begins at o_k and lasts T_k; r_k = T_k/T is its length over the mean length T. Systole, the
+first `SYSTOLE` of the mean beat, lasts SYSTOLE T (1 + s (r_k − 1)) in beat k; diastole takes the
+rest. s = 1 stretches the whole beat evenly, s = 0 keeps the length of systole, which is close to
+what hearts do. All sensors share one s, the one with the least scatter between beats. In these
+phases the average of the beats represents a beat of mean length.
 
-Every beat's samples y_i at phases φ_i are fitted by least squares,
+The samples y_i of each beat at phases φ_i are fitted by least squares,
 
-    y_i = Σ_k≤K  Re c_k cos 2πkφ_i − Im c_k sin 2πkφ_i,      K = min(0.4 samples a beat, HARMONICS),
+    y_i = Σ_k≤K  Re c_k cos 2πkφ_i − Im c_k sin 2πkφ_i,      K = min(0.4 samples a beat, HARMONICS).
 
-which takes uneven times and lost samples and leaves out the harmonics next to the Nyquist limit,
-that a beat's ends and gaps do not determine. Noise of sd σ a sample leaves Re and Im the variance
-2σ²/n with n from the inverse of the normal matrix: n is returned, so that nothing is won by
-interpolation. A beat is kept on 2K + 1 uniform phases, from which its harmonics come back exactly.
+The fit accepts uneven times and lost samples. It leaves out harmonics near the Nyquist limit, which
+the ends and gaps of a beat do not determine. Noise of standard deviation σ a sample gives Re c_k
+and Im c_k the variance 2σ²/n, with n from the inverse of the normal matrix; n is returned, so that
+interpolation does not make data look more precise than they are. A beat is stored at 2K + 1 uniform
+phases, which determine its harmonics exactly.
 """
 
 import dataclasses
@@ -25,41 +26,41 @@ import diagnosis
 from study.case.onsets import RISE, Upstrokes, find_upstrokes, rise_of
 
 SYSTOLE = 0.42
-"""Share of the mean beat that counts as systole."""
+"""Systole as a share of the mean beat."""
 
 SHARE_USED = 0.4
-"""Harmonics used over samples a beat; half would be the Nyquist limit."""
+"""Highest harmonic fitted, over samples a beat; 0.5 is the Nyquist limit."""
 
 HARMONICS = 40
-"""Most harmonics used, as many as the diagnosis keeps."""
+"""Largest number of harmonics fitted, as many as the diagnosis uses."""
 
 WIDEST_GAP = 0.85
-"""Widest gap between samples, in periods of the highest harmonic used."""
+"""Widest allowed gap between samples, in periods of the highest harmonic fitted."""
 
 STRETCHES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Values tried of s."""
+"""Values of s that are tried."""
 
 LENGTH_TOLERANCE = 0.2
-"""Deviation of a beat's length from the median beyond which it is left out (extrasystoles)."""
+"""Deviation of a beat's length from the median beyond which it is dropped (extrasystoles)."""
 
 STATED_START_SD, FOUND_START_SD = 0.015, 0.03
-"""Standard deviation of the start of ejection [beats], which is found from the upstroke that a
-damped catheter shifts: where the file's first time agrees, and where nothing does."""
+"""Standard deviation of the start of ejection [beats], which is derived from the upstroke; a damped
+catheter shifts that. First: the file starts at ejection too; second: nothing confirms it."""
 
 NEAR_EJECTION = 0.02
-"""Distance of the first upstroke from its usual place within which the file's start agrees
-[beats]."""
+"""Distance of the first upstroke from its usual phase within which the file is taken to start at
+ejection [beats]."""
 
 
 class Unfoldable(Exception):
-    """A recording that cannot be folded.
+    """A recording whose beats cannot be averaged.
 
     Attributes:
         value, problem, allowed, cure: as in a `study.case.faults.Fault`.
     """
 
     def __init__(self, value: object, problem: str, allowed: str, cure: str):
-        """Keep what is wrong and how to mend it."""
+        """Store the parts of the fault."""
         Exception.__init__(self, problem)
         self.parts = (value, problem, allowed, cure)
 
@@ -71,8 +72,8 @@ class Folded:
     Attributes:
         beats: beats × uniform phases of each sensor, in its unit.
         period: mean length of the beats [s].
-        folding: what the diagnosis must know of how they were folded; None where they were cut by
-            index.
+        folding: uncertainty that averaging leaves, for the diagnosis; None where beats were cut by
+            sample index.
     """
 
     beats: dict[str, np.ndarray]
@@ -82,7 +83,14 @@ class Folded:
 
 @dataclasses.dataclass(frozen=True)
 class _Cut:
-    """Where beats begin, their lengths and the share of the stretch that systole takes."""
+    """Onsets and lengths of beats.
+
+    Attributes:
+        onset: start of each beat [s].
+        length: of each beat [s].
+        mean: mean length [s].
+        share: s, how much of a change of length systole takes.
+    """
 
     onset: np.ndarray
     length: np.ndarray
@@ -90,28 +98,35 @@ class _Cut:
     share: float
 
     def phase(self, t: np.ndarray, k: int) -> np.ndarray:
-        """Phase in beat k at some times."""
+        """Phase of times t in beat k."""
         return warped(t - self.onset[k], self.length[k], self.mean, self.share)
 
 
 def warped(since: np.ndarray, length: float, mean: float, share: float) -> np.ndarray:
-    """Phase at a time since a beat's onset [s], by its length and the mean length."""
+    """Phase of a time in a beat.
+
+    Args:
+        since: time since the onset of the beat [s].
+        length: of the beat [s].
+        mean: mean length of the beats [s].
+        share: s, how much of a change of length systole takes [-].
+    """
     systole = SYSTOLE * mean * (1.0 + share * (length / mean - 1.0))
     later = SYSTOLE + (1.0 - SYSTOLE) * (since - systole) / (length - systole)
     return np.where(since < systole, SYSTOLE * since / systole, later)
 
 
 def fold(t: np.ndarray, traces: Mapping[str, np.ndarray], period: float, fewest: int) -> Folded:
-    """Lay the beats of a recording over each other.
+    """Express the beats of a recording on common phases.
 
     Args:
         t: times [s], ascending.
         traces: samples of each sensor, `P_aorta` among them.
         period: stated length of a beat [s].
-        fewest: samples a beat that are needed at least.
+        fewest: smallest number of samples a beat.
 
     Raises:
-        Unfoldable: too few samples a beat, gaps, or no whole beat.
+        Unfoldable: too few samples a beat, gaps, irregular beats, or no whole beat.
     """
     upstrokes = find_upstrokes(t, traces["P_aorta"], period)
     step = float(np.median(np.diff(t)))
@@ -134,7 +149,7 @@ def fold(t: np.ndarray, traces: Mapping[str, np.ndarray], period: float, fewest:
     mean = float(lengths[ordinary].mean())
     phase_of_first = (upstrokes.at[0] - t[0]) / mean
     stated = at_start and abs(phase_of_first - RISE) < NEAR_EJECTION
-    # the end of the last beat is nobody's upstroke: two numbers must agree on it
+    # no upstroke marks the end of the last beat: the period and the last sample must agree on it
     end = upstrokes.at.size * period
     known_end = end if stated and abs(end - t[-1] - step) <= 1.5 * step else None
     return _best_stretch(t, traces, upstrokes, mean, known_end, stated, fewest)
@@ -149,13 +164,13 @@ def _best_stretch(
     stated: bool,
     fewest: int,
 ) -> Folded:
-    """Fold with every stretch and keep what leaves the least scatter."""
+    """Try every s and return the result with the least scatter between beats."""
     found = []
     varies = np.ptp(np.diff(upstrokes.at)) > 0.01 * mean
     for share in STRETCHES if varies else STRETCHES[:1]:
         cut = _cut(t, upstrokes.at, mean, RISE, share, end)
         beats, n = _fitted(t, traces, cut, fewest)
-        # the mean beat tells its rise far better than one upstroke
+        # the mean beat shows its rise more precisely than a single upstroke
         late = rise_of(beats["P_aorta"].mean(axis=0)) - RISE
         cut = _cut(t, upstrokes.at, mean, RISE - late, share, end)
         beats, n = _fitted(t, traces, cut, fewest)
@@ -172,13 +187,13 @@ def _best_stretch(
 def _cut(
     t: np.ndarray, at: np.ndarray, mean: float, rise: float, share: float, end: float | None
 ) -> _Cut:
-    """Whole beats about upstrokes that lie at a phase `rise` of the mean beat."""
+    """Whole beats, from upstrokes that lie at the phase `rise` of the mean beat."""
     length = np.append(np.diff(at), mean)
     known = np.where(np.abs(length / mean - 1.0) < LENGTH_TOLERANCE, length, mean)
     onset = at - rise * mean * (1.0 + share * (known / mean - 1.0))
     length = np.diff(onset, append=onset[-1] + mean if end is None else end)
     step = float(np.median(np.diff(t)))
-    # a start that is found has an error; what it leaves out of the first beat is no gap
+    # an estimated onset may lie slightly before the first sample; that is no gap
     whole = (onset >= t[0] - max(step, 0.01 * mean)) & (onset + length <= t[-1] + 1.6 * step)
     whole[-1] &= end is not None
     kept = whole & (np.abs(length / mean - 1.0) < LENGTH_TOLERANCE)
@@ -188,7 +203,7 @@ def _cut(
 def _single(
     t: np.ndarray, traces: Mapping[str, np.ndarray], period: float, fewest: int, at_start: bool
 ) -> Folded:
-    """One beat of the stated length from the file's first time on."""
+    """One beat of the stated length, from the first sample on."""
     step = float(np.median(np.diff(t)))
     span = (t[-1] - t[0] + step) / period
     if not at_start or not 0.97 < span:
@@ -204,7 +219,7 @@ def _single(
 def _fitted(
     t: np.ndarray, traces: Mapping[str, np.ndarray], cut: _Cut, fewest: int
 ) -> tuple[dict[str, np.ndarray], float]:
-    """Every beat's samples at 2K + 1 phases, and the samples a beat that its noise stands for."""
+    """Beats at 2K + 1 phases, and the effective number of samples a beat (n above)."""
     places = []
     for k, onset in enumerate(cut.onset):
         phase = cut.phase(t, k)

@@ -1,9 +1,9 @@
 """From an anatomy to a labelled conforming mesh of blood and wall, in one call.
 
 The stages: sample L and W on a lattice, extract both surfaces, choose element sizes, remesh, cut
-at the openings, remesh, project onto L = 0 and W = 0, close by caps, fill with tetrahedra,
-improve, label, check. A mesh that does not pass the checks is made again with a finer lattice,
-smaller elements and a closer fit.
+at the openings, remesh, project onto L = 0 and W = 0, stand columns of wedges in the wall where
+asked, close by caps, fill with tetrahedra, improve, label, check. A mesh that does not pass the
+checks is made again with a finer lattice, smaller elements and a closer fit.
 """
 
 import dataclasses
@@ -17,22 +17,20 @@ from jaxfsi.anatomy import Anatomy
 from jaxfsi.mesh import Mesh
 from jaxfsi.mesh_parts import reordered
 from jaxfsi.meshing.check.fidelity import Fidelity, mesh_fidelity
-from jaxfsi.meshing.check.quality import Quality, mesh_quality
+from jaxfsi.meshing.check.quality import Quality, Wedges, mesh_quality
 from jaxfsi.meshing.check.topology import TopologyReport, check_topology
+from jaxfsi.meshing.columns.cover import NoColumns, cover
+from jaxfsi.meshing.columns.stack import no_stack
 from jaxfsi.meshing.demands import MeshRequest, check_demands
 from jaxfsi.meshing.isolate import MeshingError, NotInstalledError
 from jaxfsi.meshing.labels import label_faces
 from jaxfsi.meshing.presets import PRESETS
 from jaxfsi.meshing.surface.clipping import (
-    ClippedSurface,
     clip,
-    find_loops,
-    flatten_loops,
-    on_planes,
 )
 from jaxfsi.meshing.surface.complex import Complex, assemble, check_complex
-from jaxfsi.meshing.surface.isosurface import Surface, extract_surface
-from jaxfsi.meshing.surface.projection import balance, project
+from jaxfsi.meshing.surface.fitted import NAMES, fitted
+from jaxfsi.meshing.surface.isosurface import extract_surface
 from jaxfsi.meshing.surface.remesh import remesh_surfaces
 from jaxfsi.meshing.surface.sizes import SizeField, choose_sizes, sample_surface
 from jaxfsi.meshing.volume.fill import fill_complex
@@ -43,7 +41,6 @@ Progress = Callable[[str, float], None]
 
 LEAST_DIHEDRAL_DEG = 5.0
 _LEAST_TRIANGLE_QUALITY = 0.15
-_NAMES = ("lumen", "wall")
 
 
 class Attempt(NamedTuple):
@@ -59,6 +56,9 @@ class Attempt(NamedTuple):
     deviation: float
     refinement: float
 
+
+_WITH_WEDGES = 2
+"""Attempts with wedges before tetrahedra alone fill the wall."""
 
 ATTEMPTS = (
     Attempt(LatticeSettings(), 1.0, 1.0),
@@ -78,6 +78,7 @@ class MeshReport:
         wall_time_s: wall time of each stage of the attempt that succeeded [s].
         retries: why earlier attempts were given up.
         settings: what was asked for.
+        notes: what was asked for but could not be had.
     """
 
     topology: TopologyReport
@@ -86,6 +87,7 @@ class MeshReport:
     wall_time_s: dict[str, float]
     retries: tuple[str, ...]
     settings: dict[str, object]
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """Plain values for a JSON file."""
@@ -96,6 +98,7 @@ class MeshReport:
             "fidelity": self.fidelity.to_dict(),
             "wall_time_s": self.wall_time_s,
             "retries": list(self.retries),
+            "notes": list(self.notes),
         }
 
 
@@ -142,6 +145,7 @@ def build_mesh(
     preset: str = "medium",
     elements_across: int | None = None,
     wall_layers: int = 2,
+    wedge_layers: int = 0,
     backend: str = "netgen",
     progress: Progress | None = None,
 ) -> MeshResult:
@@ -155,6 +159,9 @@ def build_mesh(
             a slit); the mesh grows beyond its preset where this asks for it.
         wall_layers: layers of tetrahedra through the wall; 2 by splitting, more by smaller
             elements, 1 leaves what the size gives.
+        wedge_layers: layers of wedges in columns through the wall; tetrahedra fill the septum and
+            other places where no column fits. With 0 they fill the wall. Where columns cannot be
+            had at all, they do so too, and the report's notes say why.
         backend: ``netgen``, or ``gmsh`` or ``tetgen`` where they are installed.
         progress: called with each stage and the share of the work before it.
 
@@ -165,42 +172,59 @@ def build_mesh(
         ValueError: the request or the anatomy cannot be meshed at all.
         MeshingError: no attempt gave a mesh that passes the checks.
     """
-    request = MeshRequest(preset, elements_across, wall_layers, backend)
+    request = MeshRequest(preset, elements_across, wall_layers, wedge_layers, backend)
     check_demands(anatomy, request, smallest=ATTEMPTS[-1].lattice.smallest)
     anatomy = dataclasses.replace(anatomy, openings=canonically_ordered(anatomy.openings))
     faults: list[str] = []
-    for attempt in ATTEMPTS:
+    for attempt, tried in _plan(request):
         stages = _Stages(progress)
         try:
-            mesh, topology, quality, fidelity = _attempted(anatomy, attempt, request, stages)
+            made, notes = _attempted(anatomy, attempt, tried, stages)
         except NotInstalledError:
             raise
         except MeshingError as error:
             faults.append(str(error))
             continue
+        if tried != request:
+            notes.append(f"tetrahedra alone fill the wall: with wedges {faults[_WITH_WEDGES - 1]}")
+        mesh, topology, quality, fidelity = made
         report = MeshReport(
-            topology, quality, fidelity, stages.wall_time_s, tuple(faults), request._asdict()
+            topology,
+            quality,
+            fidelity,
+            stages.wall_time_s,
+            tuple(faults),
+            request._asdict(),
+            tuple(notes),
         )
         return MeshResult(mesh, report)
     raise MeshingError(
-        f"{anatomy.name!r} was not meshed in {len(ATTEMPTS)} attempts, the last at finer settings:"
+        f"{anatomy.name!r} was not meshed in {len(faults)} attempts, the last at finer settings:"
         f" {faults[-1]}"
     )
 
 
+def _plan(request: MeshRequest) -> list[tuple[Attempt, MeshRequest]]:
+    """Attempts one after the other: with wedges where they are asked for, then without."""
+    plan = [(attempt, request._replace(wedge_layers=0)) for attempt in ATTEMPTS]
+    if request.wedge_layers:
+        plan = [(attempt, request) for attempt in ATTEMPTS[:_WITH_WEDGES]] + plan
+    return plan
+
+
 def _attempted(
     anatomy: Anatomy, attempt: Attempt, request: MeshRequest, stages: _Stages
-) -> tuple[Mesh, TopologyReport, Quality, Fidelity]:
-    complex_, field = _surfaces(anatomy, attempt, request, stages)
+) -> tuple[tuple[Mesh, TopologyReport, Quality, Fidelity], list[str]]:
+    complex_, field, notes = _surfaces(anatomy, attempt, request, stages)
     stages.enter("filling")
     layers = request.wall_layers > 1
     filled = fill_complex(complex_, field, backend=request.backend, layers=layers)
     stages.enter("checking")
-    mesh = _labelled(anatomy, *filled)
+    mesh = _labelled(anatomy, *filled, complex_.wedges)
     topology, quality = _passed(mesh)
     fidelity = mesh_fidelity(mesh, anatomy)
     stages.leave()
-    return mesh, topology, quality, fidelity
+    return (mesh, topology, quality, fidelity), notes
 
 
 def _surfaces(
@@ -208,7 +232,7 @@ def _surfaces(
     attempt: Attempt,
     request: MeshRequest,
     stages: _Stages,
-) -> tuple[Complex, SizeField]:
+) -> tuple[Complex, SizeField, list[str]]:
     functions = (anatomy.lumen, anatomy.wall)
     stages.enter("sampling")
     lattice = sample_lattice(anatomy, attempt.lattice)
@@ -228,31 +252,40 @@ def _surfaces(
     surfaces = remesh_surfaces(surfaces, field, deviation=deviation)
     surfaces = [
         clip(surface, anatomy.openings, what=name).surface
-        for surface, name in zip(surfaces, _NAMES, strict=True)
+        for surface, name in zip(surfaces, NAMES, strict=True)
     ]
     surfaces = remesh_surfaces(surfaces, field, deviation=deviation)
     stages.enter("closing")
-    lumen, wall = (_projected(surface, anatomy, i) for i, surface in enumerate(surfaces))
-    complex_ = assemble(anatomy, lumen, wall, field, wall_layers=request.wall_layers)
+    lumen, wall = (fitted(surface, anatomy, i) for i, surface in enumerate(surfaces))
+    columns, notes = no_stack(), []
+    if request.wedge_layers:
+        try:
+            covered = cover(lumen, wall, anatomy, field, deviation=deviation)
+        except NoColumns as reason:
+            notes.append(f"tetrahedra alone fill the wall: {reason}")
+        else:
+            wall = covered.outer
+            columns = covered.stack(lumen, layers=request.wedge_layers)
+    complex_ = assemble(
+        anatomy, lumen, wall, field, wall_layers=request.wall_layers, columns=columns
+    )
     check_complex(complex_, anatomy, least_quality=_LEAST_TRIANGLE_QUALITY)
-    return complex_, field
+    return complex_, field, notes
 
 
-def _projected(surface: Surface, anatomy: Anatomy, which: int) -> ClippedSurface:
-    loops = find_loops(surface, anatomy.openings, what=_NAMES[which])
-    clipped = flatten_loops(ClippedSurface(surface, loops), anatomy.openings)
-    f = (anatomy.lumen, anatomy.wall)[which]
-    planes = on_planes(clipped, anatomy.openings)
-    surface = project(clipped.surface, f, plane_normals=planes)
-    return ClippedSurface(balance(surface, f, plane_normals=planes), loops)
-
-
-def _labelled(anatomy: Anatomy, points: np.ndarray, tets: np.ndarray, region: np.ndarray) -> Mesh:
+def _labelled(
+    anatomy: Anatomy,
+    points: np.ndarray,
+    tets: np.ndarray,
+    region: np.ndarray,
+    wedges: np.ndarray,
+) -> Mesh:
     try:
         mesh = label_faces(points, tets, region, anatomy.openings)
     except ValueError as error:
         raise MeshingError(str(error)) from error
     meta = {"anatomy": anatomy.name, **anatomy.meta}
+    mesh = dataclasses.replace(mesh, wedges=wedges)
     return dataclasses.replace(reordered(mesh), node_ids=None, meta=meta)
 
 
@@ -268,4 +301,16 @@ def _passed(mesh: Mesh) -> tuple[TopologyReport, Quality]:
             f"the smallest dihedral angle is {quality.min_dihedral_deg:.2g} degrees, less than"
             f" {LEAST_DIHEDRAL_DEG:g}. Use a finer preset, or a lumen without sharp corners."
         )
+    if quality.wedges is not None:
+        _pass_wedges(quality.wedges)
     return topology, quality
+
+
+def _pass_wedges(wedges: Wedges) -> None:
+    jacobian, angle = wedges.scaled_jacobian.minimum, wedges.min_dihedral_deg.minimum
+    if jacobian <= 0.0 or angle < LEAST_DIHEDRAL_DEG:
+        raise MeshingError(
+            f"the poorest wedge has the scaled Jacobian {jacobian:.2g} and the dihedral angle"
+            f" {angle:.2g} degrees, allowed from 0 and from {LEAST_DIHEDRAL_DEG:g}."
+            " Use a finer preset."
+        )

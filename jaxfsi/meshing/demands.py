@@ -11,6 +11,7 @@ from jaxfsi.meshing.volume.fill import backend_named
 
 _MOST_ACROSS = 24
 _MOST_LAYERS = 8
+_MOST_WEDGE_LAYERS = 4
 _LARGEST_CM = 100.0
 
 
@@ -21,12 +22,14 @@ class MeshRequest(NamedTuple):
         preset: name of a preset.
         elements_across: least number of elements across the lumen, or None.
         wall_layers: layers through the wall.
+        wedge_layers: layers of wedges through the wall; 0 for tetrahedra alone.
         backend: name of a backend.
     """
 
     preset: str
     elements_across: int | None
     wall_layers: int
+    wedge_layers: int
     backend: str
 
 
@@ -41,7 +44,7 @@ def check_demands(anatomy: Anatomy, request: MeshRequest, *, smallest: float) ->
     Raises:
         ValueError: lists what is wrong, each with a cure.
     """
-    preset, elements_across, wall_layers, backend = request
+    preset, elements_across, wall_layers, wedge_layers, backend = request
     backend_named(backend)
     faults = []
     if preset not in PRESETS:
@@ -50,6 +53,8 @@ def check_demands(anatomy: Anatomy, request: MeshRequest, *, smallest: float) ->
         faults.append(f"elements_across is {elements_across}; choose 2 to {_MOST_ACROSS}")
     if not 1 <= wall_layers <= _MOST_LAYERS:
         faults.append(f"wall_layers is {wall_layers}; choose 1 to {_MOST_LAYERS}")
+    if not 0 <= wedge_layers <= _MOST_WEDGE_LAYERS:
+        faults.append(f"wedge_layers is {wedge_layers}; choose 0 to {_MOST_WEDGE_LAYERS}")
     faults += _bounds_faults(anatomy)
     if not anatomy.openings:
         faults.append("there is no opening; cut at least one inlet and one outlet")

@@ -11,6 +11,7 @@ from jaxfsi.measures import edge_lengths, triangle_areas
 from jaxfsi.mesh import INTERFACE, RING_SUFFIX, Mesh, Region, tet_volumes
 from jaxfsi.meshing.check.tet_quality import tet_quality
 from jaxfsi.meshing.check.thickness import wall_thickness
+from jaxfsi.meshing.check.wedge_quality import wedge_quality
 
 
 class Distribution(NamedTuple):
@@ -39,6 +40,32 @@ class ThroughEdges(NamedTuple):
     single_layer_tets: int
 
 
+class Wedges(NamedTuple):
+    """Wedges of the wall.
+
+    Attributes:
+        number: of wedges.
+        volume_share: part of the volume of the wall that they fill.
+        min_dihedral_deg: smallest angle between two faces of each [degrees].
+        scaled_jacobian: least of the six corners of each; 1 for an upright wedge on an
+            equilateral triangle.
+    """
+
+    number: int
+    volume_share: float
+    min_dihedral_deg: Distribution
+    scaled_jacobian: Distribution
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain values for a JSON file."""
+        return {
+            "number": self.number,
+            "volume_share": self.volume_share,
+            "min_dihedral_deg": self.min_dihedral_deg._asdict(),
+            "scaled_jacobian": self.scaled_jacobian._asdict(),
+        }
+
+
 @dataclasses.dataclass(frozen=True)
 class Quality:
     """Quality of a mesh.
@@ -53,6 +80,7 @@ class Quality:
         wall_thickness_cm: thickness between interface and outer wall; None without a wall.
         septum_thickness_cm: thickness between two parts of the lumen; None where there is none.
         through_edges: edges that cross wall, septum or lumen in one go.
+        wedges: those of the wall; None where tetrahedra alone fill it.
     """
 
     n_nodes: int
@@ -63,6 +91,7 @@ class Quality:
     wall_thickness_cm: Distribution | None
     septum_thickness_cm: Distribution | None
     through_edges: ThroughEdges
+    wedges: Wedges | None = None
 
     @property
     def min_dihedral_deg(self) -> float:
@@ -87,6 +116,7 @@ class Quality:
             "wall_thickness_cm": plain(self.wall_thickness_cm),
             "septum_thickness_cm": plain(self.septum_thickness_cm),
             "through_edges": self.through_edges._asdict(),
+            "wedges": None if self.wedges is None else self.wedges.to_dict(),
         }
 
     def table(self) -> str:
@@ -145,6 +175,18 @@ def mesh_quality(mesh: Mesh) -> Quality:
         wall_thickness_cm=wall,
         septum_thickness_cm=septum,
         through_edges=through_edges(mesh),
+        wedges=_wedges(mesh, volumes) if len(mesh.wedges) else None,
+    )
+
+
+def _wedges(mesh: Mesh, volumes: Float[np.ndarray, " tets"]) -> Wedges:
+    shape = wedge_quality(mesh.points, mesh.wedges)
+    filled = volumes[mesh.wedge_tets].sum()
+    return Wedges(
+        number=len(mesh.wedges),
+        volume_share=float(filled / volumes[mesh.region == Region.SOLID].sum()),
+        min_dihedral_deg=spread_of(shape.min_dihedral_deg),
+        scaled_jacobian=spread_of(shape.scaled_jacobian),
     )
 
 
@@ -185,11 +227,14 @@ def through_edges(mesh: Mesh) -> ThroughEdges:
 
     An edge counts if both its ends lie on walls of its region but the edge itself not on its
     boundary: it has no node between the two surfaces, so that one linear element spans the gap.
-    Edges in the cut ends do not count.
+    Edges in the cut ends do not count, nor do those of wedges, which bend in one layer.
     """
     on_interface, on_outside = _wall_nodes(mesh)
     wall = septum = lumen = single = 0
-    solid = mesh.tets_of(Region.SOLID)
+    beside = mesh.region == Region.SOLID
+    if len(mesh.wedges):
+        beside[mesh.wedge_tets] = False
+    solid = mesh.tets[beside]
     if len(solid):
         inner = _inner_edges(solid, boundary_of(solid))
         ends = on_interface[inner].sum(axis=1)

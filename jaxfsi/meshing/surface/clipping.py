@@ -95,7 +95,7 @@ def find_loops(
     Raises:
         ValueError: an opening has no border, or several.
     """
-    loops = _border_loops(surface.triangles)
+    loops = border_loops(surface.triangles)
     found: list[np.ndarray] = []
     for opening in openings:
         matching = []
@@ -214,7 +214,8 @@ def _border_edges(triangles: Int[np.ndarray, "triangles 3"]) -> Int[np.ndarray, 
     return edges[count[back.ravel()] == 1]
 
 
-def _border_loops(triangles: Int[np.ndarray, "triangles 3"]) -> list[Int[np.ndarray, " _"]]:
+def border_loops(triangles: Int[np.ndarray, "triangles 3"]) -> list[Int[np.ndarray, " _"]]:
+    """Closed borders of triangles, each in their sense of rotation, by their lowest vertex."""
     edges = _border_edges(triangles)
     following = dict(edges.tolist())
     loops = []

@@ -13,7 +13,11 @@ _GRADATION = 1.3
 
 
 def remesh_surfaces(
-    surfaces: Sequence[Surface], field: SizeField, *, deviation: float
+    surfaces: Sequence[Surface],
+    field: SizeField,
+    *,
+    deviation: float,
+    kept: Int[np.ndarray, "edges 2"] | None = None,
 ) -> list[Surface]:
     """Remesh surfaces side by side; open borders stay where they are.
 
@@ -21,6 +25,7 @@ def remesh_surfaces(
         surfaces: what is remeshed.
         field: element size.
         deviation: largest distance between old and new surface [cm].
+        kept: edges of every surface that are neither split nor moved.
     """
     options: dict[str, object] = {
         "hausd": deviation,
@@ -35,6 +40,7 @@ def remesh_surfaces(
                 "points": surface.points,
                 "triangles": surface.triangles,
                 "size": size_at(field, surface.points),
+                **({} if kept is None else {"kept": kept}),
             },
             options,
         )

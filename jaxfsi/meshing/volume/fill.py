@@ -15,7 +15,12 @@ from jaxtyping import Float, Int
 
 from jaxfsi.mesh import Region, tet_volumes
 from jaxfsi.meshing.isolate import Arrays, MeshingError, native_call, run_all_isolated
-from jaxfsi.meshing.surface.complex import Complex, RegionSurface, region_surface
+from jaxfsi.meshing.surface.complex import (
+    Complex,
+    RegionSurface,
+    region_surface,
+    unfilled_surface,
+)
 from jaxfsi.meshing.surface.isosurface import Surface
 from jaxfsi.meshing.surface.remesh import volume_call
 from jaxfsi.meshing.surface.sizes import SizeField
@@ -103,6 +108,8 @@ def fill_complex(
 ) -> Filling:
     """Fill blood and wall of a complex and improve the tetrahedra by mmg3d.
 
+    Wedges are filled by three tetrahedra each, which stay as they are.
+
     Args:
         complex_: closed surfaces of both regions over shared points.
         field: element size.
@@ -112,7 +119,10 @@ def fill_complex(
     Raises:
         MeshingError: a mesher fails or changes a surface.
     """
-    surfaces = [region_surface(complex_, region) for region in Region]
+    surfaces = [region_surface(complex_, Region.FLUID)]
+    beside = unfilled_surface(complex_)
+    if beside is not None:
+        surfaces.append(beside)
     filled = fill_surfaces([Surface(s.points, s.triangles) for s in surfaces], backend)
     return improve(complex_, surfaces, filled, field, layers=layers)
 
@@ -125,7 +135,14 @@ def improve(
     *,
     layers: bool,
 ) -> Filling:
-    """Improve the tetrahedra of both regions by mmg3d, side by side, and join them.
+    """Improve the tetrahedra of the regions by mmg3d, side by side, and join them.
+
+    Args:
+        complex_: both regions.
+        surfaces: of the blood and, unless wedges fill it, of the wall beside them.
+        filled: tetrahedra within each of them.
+        field: element size.
+        layers: at least two layers of tetrahedra between any two surfaces.
 
     Raises:
         MeshingError: mmg3d fails or changes a surface.
@@ -180,11 +197,14 @@ def _joined(
 ) -> Filling:
     points, tets, region = [complex_.points], [], []
     count = len(complex_.points)
-    for which, surface, part in zip(Region, surfaces, parts, strict=True):
+    for which, surface, part in zip(Region, surfaces, parts, strict=False):
         inner = part.points[len(surface.points) :]
         nodes = np.concatenate([surface.nodes, count + np.arange(len(inner))])
         points.append(inner)
         tets.append(nodes[part.tets])
         region.append(np.full(len(part.tets), int(which), dtype=np.int64))
         count += len(inner)
+    if len(complex_.wedges):
+        tets.append(complex_.wedge_tets)
+        region.append(np.full(len(tets[-1]), int(Region.SOLID), dtype=np.int64))
     return Filling(np.concatenate(points), np.concatenate(tets), np.concatenate(region))

@@ -138,6 +138,7 @@ def test_bad_openings_are_refused(anatomy, changes, message):
         ({"preset": "huge"}, "no preset 'huge'.*coarse, medium, fine"),
         ({"elements_across": 1}, "elements_across is 1"),
         ({"wall_layers": 0}, "wall_layers is 0"),
+        ({"wedge_layers": 5}, "wedge_layers is 5; choose 0 to 4"),
         ({"backend": "cgal"}, "no meshing backend 'cgal'"),
     ],
 )

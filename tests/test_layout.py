@@ -44,11 +44,8 @@ def only_constants(module: str, path: pathlib.Path) -> set[str]:
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("study."):
             names.setdefault(node.module, []).extend(alias.name for alias in node.names)
     room = module.split(".")[1:2]
-    return {
-        of
-        for of, all_ in names.items()
-        if of.split(".")[1:2] != room and all(map(str.isupper, all_))
-    }
+    others = {of: found for of, found in names.items() if of.split(".")[1:2] != room}
+    return {of for of, found in others.items() if all(name.isupper() for name in found)}
 
 
 def longest_chain(imports: dict[str, set[str]]) -> list[str]:

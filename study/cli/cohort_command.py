@@ -65,7 +65,7 @@ def cohort_command(
         progress.step("writing the report")
         if all(result.document is None for result in results):
             raise RuntimeError(f"every case failed; {results[0].member.name}: {results[0].reason}")
-        document = cohort_document(results, cases, options.mode, origin)
+        document = as_json(cohort_document(results, cases, options.mode, origin))
         page = cohort_report(document)
         written = write_files(out, {COHORT_PAGE: page, COHORT_FILE: to_json(document)})
     return Answer(document, written)

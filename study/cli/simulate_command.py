@@ -22,6 +22,7 @@ from study.run.simulation_data import Outcome
 from study.store.case_inputs import provenance
 from study.store.earlier_run import can_go_on, make_way, set_run_aside
 from study.store.folder_lock import at_work
+from study.store.json_form import as_json
 from study.store.options import SimulateOptions
 from study.store.output import write_files
 from study.store.result_files import SERIES_FILE, SIMULATION_FILE, SIMULATION_PAGE
@@ -64,8 +65,8 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
         series = folder / SERIES_FILE
         drawn = Drawn(*draw_simulation(series, setup.mesh, anatomy, inlet, schedule.period))
         progress.step("writing the report")
-        document = simulation_document(
-            case, options.condition, setup, outcome, drawn, folder, origin
+        document = as_json(
+            simulation_document(case, options.condition, setup, outcome, drawn, folder, origin)
         )
         page = simulation_report(document, embedded_pictures(drawn.pictures))
         written = write_files(

@@ -18,11 +18,16 @@ from typing import Any
 from study.case.anatomy import SyntheticAnatomy
 from study.case.laws import QUADRATIC
 from study.case.model import Case
-from study.report.agreement import Agreement, agreement
+from study.report.agreement import agreement
 from study.report.cohort_rows import BOUNDARIES, LABELS, Pair, place_of
+from study.report.documents.cohort import (
+    CohortChange,
+    CohortDocument,
+    CohortGroup,
+    CohortPatient,
+)
 from study.run.members import MemberResult
 from study.store.document_rows import ratio_name
-from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.options import Mode
 from study.store.provenance import Provenance
@@ -37,7 +42,7 @@ def cohort_document(
     cases: Mapping[str, Case],
     mode: Mode,
     provenance: Provenance,
-) -> Document:
+) -> CohortDocument:
     """The document of a cohort.
 
     Args:
@@ -50,7 +55,7 @@ def cohort_document(
         CaseError: a part of the document of a case is missing or damaged.
     """
     pairs: list[Pair] = []
-    patients: list[Document] = []
+    patients: list[CohortPatient] = []
     for result in results:
         case = cases[result.member.name]
         found, patient = readable(
@@ -63,17 +68,16 @@ def cohort_document(
         )
         pairs += found
         patients.append(patient)
-    groups = list(_groups(pairs))
-    return {
-        "format": FORMAT,
-        "kind": "cohort",
-        "mode": mode,
-        "patients": patients,
-        "pairs": [pair._asdict() for pair in pairs],
-        "groups": groups,
-        "changes": list(_changes(pairs)),
-        "provenance": as_json(provenance),
-    }
+    return CohortDocument(
+        format=FORMAT,
+        kind="cohort",
+        mode=mode,
+        patients=patients,
+        pairs=pairs,
+        groups=list(_groups(pairs)),
+        changes=list(_changes(pairs)),
+        provenance=provenance,
+    )
 
 
 def side_of(case: Case) -> str | None:
@@ -81,23 +85,25 @@ def side_of(case: Case) -> str | None:
     return case.anatomy.side if isinstance(case.anatomy, SyntheticAnatomy) else None
 
 
-def _patient(result: MemberResult, case: Case, mode: Mode) -> Document:
+def _patient(result: MemberResult, case: Case, mode: Mode) -> CohortPatient:
     document = result.document
     alpha, extra = None, None
     if document is not None:
         alpha = document["loop"]["alpha"] if mode == "3d" else _own_alpha(document)
         extra = document["loop"]["extra_runs"] if mode == "3d" else None
-    return {
-        "name": result.member.name,
-        "side": side_of(case),
-        "status": result.status,
-        "reason": result.reason,
-        "seconds": result.seconds,
-        "alpha": alpha,
-        "extra_runs": extra,
-        "kept": result.kept,
-        **{name: (document or {}).get("provenance", {}).get(name) for name in ("date", "commit")},
-    }
+    origin = (document or {}).get("provenance", {})
+    return CohortPatient(
+        name=result.member.name,
+        side=side_of(case),
+        status=result.status,
+        reason=result.reason,
+        seconds=result.seconds,
+        alpha=alpha,
+        extra_runs=extra,
+        kept=result.kept,
+        date=origin.get("date"),
+        commit=origin.get("commit"),
+    )
 
 
 def _own_alpha(document: Document) -> float | None:
@@ -137,7 +143,7 @@ def _of_run(document: Document) -> Iterator[_Value]:
             yield run["condition"], run["rule"], run["boundary"], ratio
 
 
-def _groups(pairs: Sequence[Pair]) -> Iterator[Document]:
+def _groups(pairs: Sequence[Pair]) -> Iterator[CohortGroup]:
     """Agreement of each condition, rule and boundary."""
     settings = dict.fromkeys((p.condition, p.rule, p.boundary) for p in pairs)
 
@@ -150,23 +156,29 @@ def _groups(pairs: Sequence[Pair]) -> Iterator[Document]:
             p for p in pairs if (p.condition, p.rule, p.boundary) == (condition, rule, boundary)
         ]
         found = agreement([p.predicted for p in mine], [p.measured for p in mine])
-        yield {
-            "condition": condition,
-            "rule": rule,
-            "boundary": boundary,
-            **_numbers(found),
-            "largest_error": max(abs(p.predicted - p.measured) for p in mine),
-        }
+        yield CohortGroup(
+            condition=condition,
+            rule=rule,
+            boundary=boundary,
+            n=found.n,
+            bias=found.bias,
+            sd=_finite(found.sd),
+            low=_finite(found.low),
+            high=_finite(found.high),
+            rmse=found.rmse,
+            r=_finite(found.r),
+            bias_95=_finite(found.bias_95),
+            limit_95=_finite(found.limit_95),
+            largest_error=max(abs(p.predicted - p.measured) for p in mine),
+        )
 
 
-def _numbers(found: Agreement) -> Document:
-    """Its numbers; None where there is none, as JSON has no nan."""
-    return {
-        name: value if math.isfinite(value) else None for name, value in found._asdict().items()
-    }
+def _finite(value: float) -> float | None:
+    """A number; None where there is none, as JSON has no nan."""
+    return value if math.isfinite(value) else None
 
 
-def _changes(pairs: Sequence[Pair]) -> Iterator[Document]:
+def _changes(pairs: Sequence[Pair]) -> Iterator[CohortChange]:
     """RMSE, bias and spread from a fixed to the calibrated boundary, over patients with both."""
     by: dict[tuple[str, str | None, str], dict[str, Pair]] = {}
     for p in pairs:
@@ -182,16 +194,16 @@ def _changes(pairs: Sequence[Pair]) -> Iterator[Document]:
                 agreement([part[n].predicted for n in both], [part[n].measured for n in both])
                 for part in (fixed, tuned)
             )
-            yield {
-                "condition": condition,
-                "rule": rule,
-                "boundary": boundary,
-                "n": len(both),
-                "rmse_fixed": before.rmse,
-                "rmse_calibrated": after.rmse,
-                "rmse_change": after.rmse / before.rmse - 1.0 if before.rmse > 0.0 else None,
-                "bias_fixed": before.bias,
-                "bias_calibrated": after.bias,
-                "sd_fixed": _numbers(before)["sd"],
-                "sd_calibrated": _numbers(after)["sd"],
-            }
+            yield CohortChange(
+                condition=condition,
+                rule=rule,
+                boundary=boundary,
+                n=len(both),
+                rmse_fixed=before.rmse,
+                rmse_calibrated=after.rmse,
+                rmse_change=after.rmse / before.rmse - 1.0 if before.rmse > 0.0 else None,
+                bias_fixed=before.bias,
+                bias_calibrated=after.bias,
+                sd_fixed=_finite(before.sd),
+                sd_calibrated=_finite(after.sd),
+            )

@@ -1,7 +1,6 @@
 """The document of the command `simulate`."""
 
 import pathlib
-from typing import Any
 
 import numpy as np
 
@@ -14,11 +13,21 @@ from jaxfsi.simulation.cycles import CycleMeans, cycle_means
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
 from study.report.chosen_laws import chosen_laws
+from study.report.documents.parts import Note
+from study.report.documents.simulate import (
+    FailedStep,
+    History,
+    PortNumbers,
+    ShearNumbers,
+    SimulatedMesh,
+    SimulateDocument,
+    SolverNumbers,
+)
 from study.report.pictures import Drawn
 from study.run.simulation import solver_choice
 from study.run.simulation_data import Outcome, Setup
 from study.store.document_rows import ratio_name
-from study.store.json_form import as_json
+from study.store.json_form import ABSENT, from_json
 from study.store.layouts import FORMAT
 from study.store.provenance import Provenance
 from study.store.result_files import SERIES_FILE
@@ -34,93 +43,95 @@ def simulation_document(
     drawn: Drawn,
     folder: pathlib.Path,
     provenance: Provenance,
-) -> dict[str, Any]:
+) -> SimulateDocument:
     """The document of the command."""
     plan, record = setup.schedule, outcome.record
     cycles = cycle_means(record, setup.model.names, plan.period)
     whole = [cycle for cycle in cycles if cycle.complete]
     name = ratio_name(condition)
-    return {
-        "format": FORMAT,
-        "kind": "simulate",
-        "patient": case.id,
-        "condition": condition,
-        "rigid": setup.model.is_rigid,
-        "material": None if setup.model.is_rigid else case.wall.material,
-        "wall_element": None if setup.model.is_rigid else case.wall.element,
-        "ratio_name": name,
-        name: whole[-1].ratio if whole else None,
-        "measured": case.conditions[condition].ffr,
-        "failure": outcome.failure,
-        "interrupted": outcome.interrupted,
-        "notes": _notes(case, condition, setup, outcome, cycles),
-        "period_s": plan.period,
-        "alpha": float(setup.outlets.alpha),
-        "alpha_origin": setup.outlets.alpha_origin,
-        "ports": _ports(setup.model),
-        "cycles": as_json(cycles),
-        "wall_shear": _shear(outcome.shear),
-        "mesh": _mesh(setup.mesh),
-        "solver": _solver(case, setup, outcome),
-        "events": outcome.events,
-        "frames": len(read_series(folder / SERIES_FILE)),
-        "pictures": list(drawn.pictures),
-        "picture_times_s": drawn.times,
-        "picture_note": drawn.note,
-        "sources": case.source,
-        "remarks": case.notes,
-        "provenance": as_json(provenance),
-        "history": _history(record, setup.model.names),
-    }
+    ratio = whole[-1].ratio if whole else None
+    return SimulateDocument(
+        format=FORMAT,
+        kind="simulate",
+        patient=case.id,
+        condition=condition,
+        rigid=setup.model.is_rigid,
+        material=None if setup.model.is_rigid else case.wall.material,
+        wall_element=None if setup.model.is_rigid else case.wall.element,
+        ratio_name=name,
+        rest_ratio=ratio if name == "rest_ratio" else ABSENT,
+        ffr=ratio if name == "ffr" else ABSENT,
+        measured=case.conditions[condition].ffr,
+        failure=outcome.failure,
+        interrupted=outcome.interrupted,
+        notes=_notes(case, condition, setup, outcome, cycles),
+        period_s=plan.period,
+        alpha=float(setup.outlets.alpha),
+        alpha_origin=setup.outlets.alpha_origin,
+        ports=_ports(setup.model),
+        cycles=cycles,
+        wall_shear=_shear(outcome.shear),
+        mesh=_mesh(setup.mesh),
+        solver=_solver(case, setup, outcome),
+        events=[from_json(FailedStep, e, "an event of the run") for e in outcome.events],
+        frames=len(read_series(folder / SERIES_FILE)),
+        pictures=list(drawn.pictures),
+        picture_times_s=drawn.times,
+        picture_note=drawn.note,
+        sources=case.source,
+        remarks=case.notes,
+        provenance=provenance,
+        history=_history(record, setup.model.names),
+    )
 
 
-def _ports(model: Model) -> dict[str, dict[str, Any]]:
+def _ports(model: Model) -> dict[str, PortNumbers]:
     """Kind and parameters of each opening."""
     ports = zip(model.names, model.ports, strict=True)
     return {name: port.summary() for name, port in ports if is_opening(name)}
 
 
-def _shear(means: ShearMeans | None) -> dict[str, float] | None:
+def _shear(means: ShearMeans | None) -> ShearNumbers | None:
     if means is None:
         return None
-    return {
-        "mean_tawss_dyn_per_cm2": float(means.tawss.mean()),
-        "p99_tawss_dyn_per_cm2": float(np.percentile(means.tawss, 99.0)),
-        "mean_osi": float(means.osi.mean()),
-        "duration_s": means.duration,
-    }
+    return ShearNumbers(
+        mean_tawss_dyn_per_cm2=float(means.tawss.mean()),
+        p99_tawss_dyn_per_cm2=float(np.percentile(means.tawss, 99.0)),
+        mean_osi=float(means.osi.mean()),
+        duration_s=means.duration,
+    )
 
 
-def _mesh(mesh: Mesh) -> dict[str, Any]:
+def _mesh(mesh: Mesh) -> SimulatedMesh:
     counts = {r.name.lower(): int(np.sum(mesh.region == r)) for r in Region}
-    return {"nodes": len(mesh.points), "tets": counts, "openings": list(mesh.openings)}
+    return SimulatedMesh(len(mesh.points), counts, list(mesh.openings))
 
 
-def _solver(case: Case, setup: Setup, outcome: Outcome) -> dict[str, Any]:
+def _solver(case: Case, setup: Setup, outcome: Outcome) -> SolverNumbers:
     plan, record = setup.schedule, outcome.record
     n = record.n_steps
     done = round(float(record.step[-1])) if n else 0
-    return {
-        "dt_s": plan.dt,
-        "steps_planned": plan.n_steps,
-        "steps_per_cycle": plan.per_cycle,
-        "steps_done": done,
-        "steps_taken": n,
-        "resumed_from": outcome.resumed_from,
-        "seconds_per_step": outcome.pace,
-        "seconds": outcome.seconds,
-        "mean_iterations": float(record.n_gmres.mean()) if n else None,
-        "largest_iterations": int(record.n_gmres.max()) if n else None,
-        "largest_residual": float(record.residual.max()) if n else None,
-        "least_volume": float(record.min_volume_ratio.min()) if n else None,
-        "tolerance": solver_choice(case.solver).tolerance,
-        "change_limit": case.solver.change_limit,
-    }
+    return SolverNumbers(
+        dt_s=plan.dt,
+        steps_planned=plan.n_steps,
+        steps_per_cycle=plan.per_cycle,
+        steps_done=done,
+        steps_taken=n,
+        resumed_from=outcome.resumed_from,
+        seconds_per_step=outcome.pace,
+        seconds=outcome.seconds,
+        mean_iterations=float(record.n_gmres.mean()) if n else None,
+        largest_iterations=int(record.n_gmres.max()) if n else None,
+        largest_residual=float(record.residual.max()) if n else None,
+        least_volume=float(record.min_volume_ratio.min()) if n else None,
+        tolerance=solver_choice(case.solver).tolerance,
+        change_limit=case.solver.change_limit,
+    )
 
 
 def _notes(
     case: Case, condition: str, setup: Setup, outcome: Outcome, cycles: list[CycleMeans]
-) -> list[dict[str, str]]:
+) -> list[Note]:
     notes = []
     if outcome.failure:
         notes.append(("warning", outcome.failure))
@@ -151,10 +162,10 @@ def _notes(
         notes.append(("info", text))
     if setup.outlets.alpha_origin.startswith("nominal"):
         notes.append(("info", f"alpha = 1, {setup.outlets.alpha_origin}"))
-    return [{"level": level, "text": text} for level, text in notes]
+    return [Note(level, text) for level, text in notes]
 
 
-def _history(record: StepHistory, names: tuple[str, ...]) -> dict[str, Any]:
+def _history(record: StepHistory, names: tuple[str, ...]) -> History:
     """Every step, or every so-manieth where there are many."""
     some = slice(None, None, max(1, -(-record.n_steps // _MOST_SAMPLES)))
 
@@ -162,16 +173,16 @@ def _history(record: StepHistory, names: tuple[str, ...]) -> dict[str, Any]:
         return [float(f"{value:.6g}") for value in values[some].tolist()]
 
     openings = {name: i for i, name in enumerate(names) if is_opening(name)}
-    return {
-        "ports": list(openings),
-        "t_s": numbers(record.t),
-        "dt_s": numbers(record.dt),
-        "P_mmHg": {name: numbers(record.P_port[:, i] / MMHG) for name, i in openings.items()},
-        "Q_ml_per_min": {
+    return History(
+        ports=list(openings),
+        t_s=numbers(record.t),
+        dt_s=numbers(record.dt),
+        P_mmHg={name: numbers(record.P_port[:, i] / MMHG) for name, i in openings.items()},
+        Q_ml_per_min={
             name: numbers(record.Q_port[:, i] / ML_PER_MIN) for name, i in openings.items()
         },
-        "n_linear": record.n_gmres[some].tolist(),
-        "residual": numbers(record.residual),
-        "change": numbers(record.change),
-        "least_volume": numbers(np.minimum(record.min_volume_ratio, 1e9)),
-    }
+        n_linear=record.n_gmres[some].tolist(),
+        residual=numbers(record.residual),
+        change=numbers(record.change),
+        least_volume=numbers(np.minimum(record.min_volume_ratio, 1e9)),
+    )

@@ -11,6 +11,7 @@ import subprocess
 from collections.abc import Sequence
 from typing import Any
 
+from study.store.json_form import ABSENT, Absent
 from study.store.numerics import PARTS, installed, version
 from study.store.options import Options
 
@@ -36,14 +37,14 @@ class InputFile:
     bytes: int
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Provenance:
     """What must be known to compute a result again.
 
     Attributes:
         inputs: the input files.
         command: the command line.
-        options: of the command, see `study.store.options`.
+        options: of the command, see `study.store.options`; layout 1 does not say them.
         date: when.
         versions: of Python and packages; None: not installed.
         platform: system, machine and number of cores.
@@ -52,7 +53,7 @@ class Provenance:
 
     inputs: list[InputFile]
     command: list[str]
-    options: dict[str, Any]
+    options: dict[str, Any] | Absent = ABSENT
     date: str
     versions: dict[str, str | None]
     platform: str

@@ -15,7 +15,9 @@ from study.store.json_form import from_json, schema
 from study.store.layouts import FORMAT, LAYOUT
 
 KINDS = {
+    "simulate": ("simulate", "SimulateDocument"),
     "study": ("study", "StudyDocument"),
+    "cohort": ("cohort", "CohortDocument"),
     "diagnose": ("diagnose", "DiagnoseDocument"),
     "plan": ("plan", "PlanDocument"),
 }

@@ -188,7 +188,7 @@ class DiagnoseDocument:
     id: str
     verdict: str
     sentence: str
-    to_do: list[str]
+    to_do: list[str] | Absent = ABSENT
     named: list[str]
     probabilities: dict[str, float]
     inclusion: dict[str, float]

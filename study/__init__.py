@@ -36,8 +36,9 @@ if TYPE_CHECKING:
     )
     from study.case.read import read_case
     from study.case.template import case_template, record_template
+    from study.report.documents.parts import Note
     from study.report.page import html_report
-    from study.report.remarks import Note, notes, verdict
+    from study.report.remarks import notes, verdict
     from study.report.results import case_document
     from study.run.patient import ContouredArtery, Patient, ReducedModel, load_patient
     from study.run.pipeline import run_case
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from study.run.reduced_results import Calibration, CaseResult, Run, Tuning
     from study.run.sweep import sweep_case
     from study.run.tuning import calibrate_case
+    from study.store.json_form import as_json
     from study.store.stored_document import load_document, to_json
 
 import_on_first_use(__name__)

@@ -13,6 +13,7 @@ from study.run.progress import Progress
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
+from study.store.json_form import as_json
 from study.store.options import MeshCommandOptions
 from study.store.output import write_files
 from study.store.result_files import MESH_FILE, PAGE_FILE
@@ -36,7 +37,7 @@ def mesh_command(request: Request[MeshCommandOptions], case: Case, folder: pathl
         origin = provenance(case, request.words, options)
         meshes = mesh_states(case, states, progress)
         progress.step("writing the files")
-        document = mesh_document(case, meshes, options.format, origin)
+        document = as_json(mesh_document(case, meshes, options.format, origin))
         written = write_files(
             folder,
             {PAGE_FILE: html_report(document, embedded(meshes)), MESH_FILE: to_json(document)},

@@ -9,11 +9,12 @@ from study.report.mesh_results import embedded, write_meshes
 from study.report.page import html_report
 from study.report.results import calibration_document, case_document
 from study.report.sweep_figure import sweep_figure
+from study.report.sweep_results import sweep_document, sweep_table
 from study.run.anatomy_source import states_of
 from study.run.mesh import coarse, coarse_mesh, planned_steps
 from study.run.pipeline import run_case
 from study.run.progress import Progress
-from study.run.sweep import sweep_case, sweep_table
+from study.run.sweep import sweep_case
 from study.run.tuning import calibrate_case
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
@@ -43,7 +44,7 @@ def run_command(request: Request[RunOptions], case: Case, folder: pathlib.Path) 
         result = run_case(case, progress=progress)
         meshes, part = coarse_mesh(case, progress) if meshing else ({}, None)
         progress.step("writing the report")
-        document = {**case_document(result, origin), "mesh": part}
+        document = as_json(case_document(result, origin, part))
         page = html_report(document, embedded(meshes))
         written = write_files(
             folder,
@@ -61,7 +62,7 @@ def calibrate_command(
     with at_work(folder, note), Progress() as progress:
         origin = provenance(case, request.words, request.options)
         patient, tuning = calibrate_case(case, progress=progress)
-        document = calibration_document(patient, tuning, origin)
+        document = as_json(calibration_document(patient, tuning, origin))
         written = write_files(
             folder,
             {CALIBRATION_FILE: to_json(document)},
@@ -80,9 +81,9 @@ def sweep_command(request: Request[SweepOptions], case: Case, folder: pathlib.Pa
         found = sweep_case(
             case, options.alpha.values(), condition=options.condition, rule=options.rule
         )
-        document = {**found, "provenance": as_json(origin)}
+        document = as_json(sweep_document(found, origin))
         files = {
-            TABLE_FILE: sweep_table(document),
+            TABLE_FILE: sweep_table(found),
             FIGURE_FILE: sweep_figure(document),
             SWEEP_FILE: to_json(document),
         }

@@ -7,9 +7,8 @@ from jaxfsi.opening import OUTLET
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.parameters import WindkesselParameters
 from study.report.chosen_laws import chosen_laws
-from study.report.documents.parts import notes
+from study.report.documents.parts import AlphaCurve, notes
 from study.report.documents.study import (
-    AlphaCurve,
     AlphaEntry,
     Loop,
     LoopTrial,

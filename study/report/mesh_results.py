@@ -2,14 +2,13 @@
 
 import pathlib
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from jaxfsi import Mesh
 from jaxfsi.mesh_files import Unit, write_mesh, write_mesh_complete
 from study.case.model import Case
+from study.report.documents.mesh import MeshDocument
 from study.report.pictures import embedded_pictures, write_mesh_pictures
 from study.run.mesh import mesh_part
-from study.store.json_form import as_json
 from study.store.layouts import FORMAT
 from study.store.meshes import StateMesh
 from study.store.provenance import Provenance
@@ -19,16 +18,20 @@ FOLDER_SUFFIX = "-mesh-complete"
 
 def mesh_document(
     case: Case, states: Mapping[str, StateMesh], formats: Sequence[str], provenance: Provenance
-) -> dict[str, Any]:
+) -> MeshDocument:
     """The document of the command."""
-    return {
-        "format": FORMAT,
-        "kind": "mesh",
-        "patient": case.id,
-        **mesh_part(case, states),
-        "mesh_files": {name: mesh_names(name, made.mesh, formats) for name, made in states.items()},
-        "provenance": as_json(provenance),
-    }
+    part = mesh_part(case, states)
+    return MeshDocument(
+        format=FORMAT,
+        kind="mesh",
+        patient=case.id,
+        preset=part.preset,
+        unit=part.unit,
+        notes=part.notes,
+        states=part.states,
+        mesh_files={name: mesh_names(name, made.mesh, formats) for name, made in states.items()},
+        provenance=provenance,
+    )
 
 
 def mesh_names(state: str, mesh: Mesh, formats: Sequence[str]) -> list[str]:

@@ -1,6 +1,5 @@
 """What a result says, in words: the verdict, what the data determine, what looks implausible."""
 
-import dataclasses
 import math
 from collections.abc import Iterator
 
@@ -11,6 +10,7 @@ from calibration.identifiability import RATIO_PARAMETERS, RatioIdentifiability
 from calibration.identifiability import identifiability as combinations
 from lumped import ML_PER_MIN, MM, MMHG
 from study.case.laws import LINEAR, QUADRATIC
+from study.report.documents.parts import Note
 from study.report.headline import Reading, headline
 from study.run.limits import CATHETER_MM
 from study.run.patient import ContouredArtery
@@ -26,14 +26,6 @@ ALPHA_RANGE = (0.1, 10.0)
 
 RESERVE_RANGE = (1.5, 5.0)
 """Stress flow over resting flow in healthy arteries, children and adults [-]."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Note:
-    """A remark on a result; `warning` where a number should not be taken at its face."""
-
-    level: str
-    text: str
 
 
 def verdict(result: CaseResult) -> str:

@@ -16,9 +16,9 @@ from study.report.chosen_laws import chosen_laws
 from study.report.documents.parts import Note
 from study.report.documents.simulate import (
     FailedStep,
-    History,
     PortNumbers,
     ShearNumbers,
+    SimulatedHistory,
     SimulatedMesh,
     SimulateDocument,
     SolverNumbers,
@@ -165,7 +165,7 @@ def _notes(
     return [Note(level, text) for level, text in notes]
 
 
-def _history(record: StepHistory, names: tuple[str, ...]) -> History:
+def _history(record: StepHistory, names: tuple[str, ...]) -> SimulatedHistory:
     """Every step, or every so-manieth where there are many."""
     some = slice(None, None, max(1, -(-record.n_steps // _MOST_SAMPLES)))
 
@@ -173,7 +173,7 @@ def _history(record: StepHistory, names: tuple[str, ...]) -> History:
         return [float(f"{value:.6g}") for value in values[some].tolist()]
 
     openings = {name: i for i, name in enumerate(names) if is_opening(name)}
-    return History(
+    return SimulatedHistory(
         ports=list(openings),
         t_s=numbers(record.t),
         dt_s=numbers(record.dt),

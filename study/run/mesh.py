@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,8 +22,25 @@ from study.run.anatomy_source import case_anatomy, case_mesh, file_fault, states
 from study.run.limits import AREA_BOUND, SEPTUM_BOUND
 from study.run.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.run.progress import Progress
+from study.store.json_form import from_json
+from study.store.mesh_parts import (
+    Histogram,
+    LabelFaces,
+    MeshFailure,
+    MeshFidelity,
+    MeshNote,
+    MeshPart,
+    MeshQuality,
+    MeshSettings,
+    Outlines,
+    StateReport,
+    Topology,
+    VesselAreas,
+)
 from study.store.meshes import StateMesh, entry_key, load_mesh, store_mesh
 from study.store.provenance import made_now
+
+_Part = TypeVar("_Part")
 
 STAGES = {
     "reading the anatomy": 2.0,
@@ -100,11 +117,11 @@ def coarse(case: Case) -> Case:
 
 def coarse_mesh(
     case: Case, progress: Progress
-) -> tuple[dict[str, StateMesh], dict[str, Any] | None]:
+) -> tuple[dict[str, StateMesh], MeshPart | MeshFailure]:
     """A coarse mesh of the first state and its part of a document.
 
     A mesh that cannot be made is no reason to lose what else was computed: the part then holds
-    the reason under `failure`. A finished mesh with faults is refused like any other input.
+    the reason. A finished mesh with faults is refused like any other input.
 
     Raises:
         CaseError: the case names a finished mesh that is refused.
@@ -117,19 +134,14 @@ def coarse_mesh(
     except (ValueError, RuntimeError, OSError) as error:
         if isinstance(error, CaseError) and isinstance(case.anatomy, MeshAnatomy):
             raise
-        return {}, {"failure": " ".join(str(error).split())}
+        return {}, MeshFailure(" ".join(str(error).split()))
     return meshes, mesh_part(case, meshes)
 
 
-def mesh_part(case: Case, states: Mapping[str, StateMesh]) -> dict[str, Any]:
+def mesh_part(case: Case, states: Mapping[str, StateMesh]) -> MeshPart:
     """What stands in the document of any command that makes meshes."""
-    entries = {name: made.document for name, made in states.items()}
-    return {
-        "preset": case.mesh.preset,
-        "unit": case.mesh.unit,
-        "notes": mesh_notes(entries),
-        "states": entries,
-    }
+    reports = {name: made.report for name, made in states.items()}
+    return MeshPart(case.mesh.preset, case.mesh.unit, mesh_notes(reports), reports)
 
 
 def mesh_states(case: Case, states: Sequence[str], progress: Progress) -> dict[str, StateMesh]:
@@ -164,24 +176,35 @@ def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
         anatomy = case_anatomy(case, state)
         mesh, report = _built(case, anatomy, state, progress)
     progress.step(f"measuring, {state}")
-    document = {
-        "state": state,
-        "kind": case.anatomy.kind if case.anatomy is not None else "",
-        **report,
-        "openings": list(mesh.openings),
-        "labels": _labels(mesh),
-        "sections": _sections(mesh, anatomy),
-        "histograms": _measured_histograms(case, mesh),
-    }
+    sections, histograms = _sections(mesh, anatomy), _measured_histograms(case, mesh)
     progress.step(f"drawing, {state}")
     start = time.perf_counter()
     pictures, note = draw_mesh(mesh, anatomy)
-    document["pictures"] = list(pictures)
-    document["picture_note"] = note
-    document["wall_time_s"]["drawing"] = time.perf_counter() - start
-    made = StateMesh(mesh, document, pictures, made_now())
+    report["wall_time_s"]["drawing"] = time.perf_counter() - start
+    found = StateReport(
+        state=state,
+        kind=case.anatomy.kind if case.anatomy is not None else "",
+        settings=_known(MeshSettings, report["settings"]),
+        topology=from_json(Topology, report["topology"]),
+        quality=from_json(MeshQuality, report["quality"]),
+        fidelity=_known(MeshFidelity, report["fidelity"]),
+        wall_time_s=report["wall_time_s"],
+        retries=report["retries"],
+        openings=list(mesh.openings),
+        labels=_labels(mesh),
+        sections=sections,
+        histograms=histograms,
+        pictures=list(pictures),
+        picture_note=note,
+    )
+    made = StateMesh(mesh, found, pictures, made_now())
     store_mesh(key, made)
     return made
+
+
+def _known(kind: type[_Part], value: Any) -> _Part | None:
+    """A part of a report; None where a finished mesh has none."""
+    return None if value is None else from_json(kind, value)
 
 
 def _built(
@@ -217,16 +240,16 @@ def _examined(mesh: Mesh) -> dict[str, Any]:
     }
 
 
-def _labels(mesh: Mesh) -> dict[str, dict[str, Any]]:
+def _labels(mesh: Mesh) -> dict[str, LabelFaces]:
     """Faces and colour in the pictures of each label."""
     colours = label_colours(mesh.label_names)
     return {
-        name: {"faces": int(np.sum(mesh.face_label == i)), "colour": colours[name]}
+        name: LabelFaces(int(np.sum(mesh.face_label == i)), colours[name])
         for i, name in enumerate(mesh.label_names)
     }
 
 
-def _sections(mesh: Mesh, anatomy: Anatomy | None) -> list[dict[str, Any]]:
+def _sections(mesh: Mesh, anatomy: Anatomy | None) -> list[VesselAreas]:
     """Lumen areas along every vessel, asked for and meshed."""
     if anatomy is None or INTERFACE not in mesh.label_names:
         return []
@@ -241,30 +264,23 @@ def _vessels(anatomy: Anatomy) -> list[str]:
     return sorted(anatomy.centerlines, key=lambda name: rank.get(name, 1))
 
 
-def _section(areas: SectionAreas, anatomy: Anatomy, *, outlines: bool) -> dict[str, Any]:
+def _section(areas: SectionAreas, anatomy: Anatomy, *, outlines: bool) -> VesselAreas:
     """Areas along a vessel and, where asked for, the outlines at some places."""
     known = np.flatnonzero(np.isfinite(areas.error))
     places = np.linspace(0, len(known) - 1, _OUTLINES if outlines else 0)
     shown = known[np.unique(places.round().astype(int))]
-    return {
-        "vessel": areas.vessel,
-        "s_mm": _list(areas.s[known] / MM),
-        "asked_mm2": _list(areas.asked[known] / MM**2),
-        "meshed_mm2": _list(areas.meshed[known] / MM**2),
-        "largest_error": float(areas.largest_error),
-        "open_places": int(len(areas.s) - len(known)),
-        "outlines": [
-            {
-                "s_mm": float(areas.s[i] / MM),
-                "error": float(areas.error[i]),
-                **_outlines(areas, anatomy, int(i)),
-            }
-            for i in shown
-        ],
-    }
+    return VesselAreas(
+        vessel=areas.vessel,
+        s_mm=_list(areas.s[known] / MM),
+        asked_mm2=_list(areas.asked[known] / MM**2),
+        meshed_mm2=_list(areas.meshed[known] / MM**2),
+        largest_error=float(areas.largest_error),
+        open_places=int(len(areas.s) - len(known)),
+        outlines=[_outlines(areas, anatomy, int(i)) for i in shown],
+    )
 
 
-def _outlines(areas: SectionAreas, anatomy: Anatomy, i: int) -> dict[str, Any]:
+def _outlines(areas: SectionAreas, anatomy: Anatomy, i: int) -> Outlines:
     """Both outlines of one place, turned so that the side away from the aorta is up."""
     point, tangent = centerline_point(anatomy.centerlines[areas.vessel], float(areas.s[i]))
     first, second = plane_axes(tangent)
@@ -273,7 +289,7 @@ def _outlines(areas: SectionAreas, anatomy: Anatomy, i: int) -> dict[str, Any]:
     up /= max(float(np.linalg.norm(up)), 1e-12)
     turn = np.array([[up[1], up[0]], [-up[0], up[1]]])
     asked, meshed = (_pieces(outline @ turn) for outline in areas.outlines[i])
-    return {"asked_mm": asked, "meshed_mm": meshed}
+    return Outlines(float(areas.s[i] / MM), float(areas.error[i]), asked, meshed)
 
 
 def _pieces(segments: np.ndarray) -> list[list[float]]:
@@ -281,7 +297,7 @@ def _pieces(segments: np.ndarray) -> list[list[float]]:
     return [[float(f"{x:.4g}") for x in row] for row in (segments / MM).reshape(-1, 4)]
 
 
-def _measured_histograms(case: Case, mesh: Mesh) -> dict[str, Any]:
+def _measured_histograms(case: Case, mesh: Mesh) -> dict[str, Histogram]:
     """The histograms of a mesh; a finished one whose wall cannot be measured is refused."""
     try:
         return _histograms(mesh)
@@ -291,7 +307,7 @@ def _measured_histograms(case: Case, mesh: Mesh) -> dict[str, Any]:
         raise
 
 
-def _histograms(mesh: Mesh) -> dict[str, Any]:
+def _histograms(mesh: Mesh) -> dict[str, Histogram]:
     """Counts of the smallest dihedral angle by region, and of the thickness of the wall.
 
     Raises:
@@ -304,7 +320,7 @@ def _histograms(mesh: Mesh) -> dict[str, Any]:
             values = tet_quality(mesh.points, tets).min_dihedral_deg
             counts, _ = np.histogram(values, _ANGLE_EDGES)
             angles[region.name.lower()] = counts.tolist()
-    found = {"min_dihedral_deg": {"edges": _ANGLE_EDGES.tolist(), "counts": angles}}
+    found = {"min_dihedral_deg": Histogram(_ANGLE_EDGES.tolist(), angles)}
     if np.any(mesh.region == Region.SOLID) and INTERFACE in mesh.label_names:
         measured = wall_thickness(mesh)
         parts = {"wall": measured.of_wall / MM, "septum": measured.of_septum / MM}
@@ -318,12 +334,10 @@ def _histograms(mesh: Mesh) -> dict[str, Any]:
                 )
         top = max((np.percentile(values, 97.0) for values in parts.values()), default=1.0)
         edges = np.linspace(0.0, 1.1 * top, _THICKNESS_BINS + 1)
-        found["thickness_mm"] = {
-            "edges": _list(edges),
-            "counts": {
-                name: np.histogram(values, edges)[0].tolist() for name, values in parts.items()
-            },
-        }
+        found["thickness_mm"] = Histogram(
+            _list(edges),
+            {name: np.histogram(values, edges)[0].tolist() for name, values in parts.items()},
+        )
     return found
 
 
@@ -331,31 +345,31 @@ def _list(values: np.ndarray) -> list[float]:
     return [float(f"{value:.6g}") for value in values.tolist()]
 
 
-def mesh_notes(states: Mapping[str, dict[str, Any]]) -> list[dict[str, str]]:
+def mesh_notes(states: Mapping[str, StateReport]) -> list[MeshNote]:
     """What looks wrong or needs care in some meshes, the warnings first."""
     notes = []
-    for name, entry in states.items():
-        notes += [{"level": level, "text": f"{name}: {text}"} for level, text in _remarks(entry)]
-    return sorted(notes, key=lambda note: note["level"] != "warning")
+    for name, report in states.items():
+        notes += [MeshNote(level, f"{name}: {text}") for level, text in _remarks(report)]
+    return sorted(notes, key=lambda note: note.level != "warning")
 
 
-def _remarks(entry: dict[str, Any]) -> list[tuple[str, str]]:
+def _remarks(report: StateReport) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
-    for fault in entry["topology"]["faults"]:
-        found.append(("warning", f"{fault['where']}: {fault['what']}. {fault['cure']}."))
-    for section in entry["sections"]:
-        if section["largest_error"] > AREA_BOUND:
+    for fault in report.topology.faults:
+        found.append(("warning", f"{fault.where}: {fault.what}. {fault.cure}."))
+    for section in report.sections:
+        if section.largest_error > AREA_BOUND:
             found.append(
                 (
                     "warning",
-                    f"the lumen of {section['vessel']} misses the area asked for by up to"
-                    f" {100 * section['largest_error']:.1f} %. Use a finer preset, or ask for more"
+                    f"the lumen of {section.vessel} misses the area asked for by up to"
+                    f" {100 * section.largest_error:.1f} %. Use a finer preset, or ask for more"
                     " elements across the lumen.",
                 )
             )
-    septum = entry["fidelity"] and entry["fidelity"]["septum_ratio"]
+    septum = report.fidelity and report.fidelity.septum_ratio
     if septum:
-        worst = max(abs(septum["p1"] - 1.0), abs(septum["p99"] - 1.0))
+        worst = max(abs(septum.p1 - 1.0), abs(septum.p99 - 1.0))
         if worst > SEPTUM_BOUND:
             found.append(
                 (
@@ -364,8 +378,8 @@ def _remarks(entry: dict[str, Any]) -> list[tuple[str, str]]:
                     f" {100 * worst:.0f} % (98 % of places). Use a finer preset.",
                 )
             )
-    for why in entry["retries"]:
+    for why in report.retries:
         found.append(("info", f"meshed again with finer settings, because {why}"))
-    if entry["picture_note"]:
-        found.append(("info", entry["picture_note"]))
+    if report.picture_note:
+        found.append(("info", report.picture_note))
     return found

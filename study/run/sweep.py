@@ -1,7 +1,5 @@
-"""A sweep over α of one patient in one condition: numbers and a table."""
+"""A sweep over α of one patient in one condition."""
 
-import csv
-import io
 from typing import Any
 
 import equinox as eqx
@@ -14,9 +12,8 @@ from lumped import ML_PER_MIN, MMHG, HaemodynamicCondition
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
 from study.run.patient import Patient, load_patient
+from study.run.sweep_parts import SweepResult, SweepRow
 from study.store.document_rows import ratio_name
-from study.store.layouts import FORMAT
-from study.store.stored_document import Document
 
 LARGEST_ERROR = 1e-2
 """A nonlinear periodic state with a larger estimated error was not found [-]."""
@@ -24,7 +21,7 @@ LARGEST_ERROR = 1e-2
 
 def sweep_case(
     case: Case, alphas: np.ndarray, *, condition: str = "rest", rule: str | None = None
-) -> Document:
+) -> SweepResult:
     """Ratios and means of a patient over α, under the case's own law.
 
     Args:
@@ -32,9 +29,6 @@ def sweep_case(
         alphas: scales of the outlet's resistances [-], shape (n,).
         condition: name of the condition.
         rule: stress rule; by default the case's own. Not allowed at rest.
-
-    Returns:
-        A document without provenance.
 
     Raises:
         CaseError: the case lacks something, or has no such condition or rule.
@@ -51,17 +45,15 @@ def sweep_case(
         waveforms=False,
     )
     _require_solved(sweep, alphas, linear=patient.model.surrogate.K is None)
-    return {
-        "format": FORMAT,
-        "kind": "sweep",
-        "patient": case.id,
-        "law": patient.model.law,
-        "condition": condition,
-        "rule": rule,
-        "measured": case.conditions[condition].ffr,
-        "error_estimate": float(np.max(np.asarray(sweep.error_estimate))),
-        "rows": _rows(sweep, alphas, ratio_name(condition)),
-    }
+    return SweepResult(
+        patient=case.id,
+        law=patient.model.law,
+        condition=condition,
+        rule=rule,
+        measured=case.conditions[condition].ffr,
+        error_estimate=float(np.max(np.asarray(sweep.error_estimate))),
+        rows=_rows(sweep, alphas, ratio_name(condition)),
+    )
 
 
 def _check(patient: Patient, condition: str, rule: str | None) -> str | None:
@@ -104,7 +96,7 @@ def _require_solved(sweep: Sweep, alphas: np.ndarray, *, linear: bool) -> None:
         )
 
 
-def _rows(sweep: Sweep, alphas: np.ndarray, name: str) -> list[dict[str, float]]:
+def _rows(sweep: Sweep, alphas: np.ndarray, name: str) -> list[SweepRow]:
     numbers = sweep.metrics
     columns: dict[str, Any] = {
         "alpha": alphas,
@@ -116,14 +108,5 @@ def _rows(sweep: Sweep, alphas: np.ndarray, name: str) -> list[dict[str, float]]
         "systolic_share": numbers.systolic_share,
     }
     lists = {key: np.asarray(values).tolist() for key, values in columns.items()}
-    return [dict(zip(lists, row, strict=True)) for row in zip(*lists.values(), strict=True)]
-
-
-def sweep_table(document: Document) -> str:
-    """The rows as CSV."""
-    rows = document["rows"]
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return buffer.getvalue()
+    rows = zip(*lists.values(), strict=True)
+    return [SweepRow(**dict(zip(lists, row, strict=True))) for row in rows]

@@ -17,6 +17,8 @@ from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy
 from study.case.model import Case
 from study.store.cache_folder import cache_folder
 from study.store.case_inputs import files_of
+from study.store.json_form import as_json, from_json
+from study.store.mesh_parts import StateReport
 from study.store.numerics import library
 from study.store.provenance import sha256
 from study.store.stages import Stages, stage_key
@@ -36,13 +38,13 @@ class StateMesh(NamedTuple):
 
     Attributes:
         mesh: the mesh.
-        document: its part of the document of the command.
+        report: its part of the document of the command.
         pictures: PNG files by name.
         made: when and by which code, see `study.store.provenance.made_now`.
     """
 
     mesh: Mesh
-    document: dict[str, Any]
+    report: StateReport
     pictures: dict[str, bytes]
     made: dict[str, Any]
 
@@ -102,13 +104,13 @@ def load_mesh(key: str) -> StateMesh | None:
             meta=about.value["meta"],
             **{name: stored.value[name] for name in ("wedges",) if name in stored.value},
         )
-        document = about.value["document"]
+        report = from_json(StateReport, about.value["document"])
         pictures = {path.stem: path.read_bytes() for path in sorted(entry.glob("*.png"))}
         os.utime(entry)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         shutil.rmtree(entry, ignore_errors=True)
         return None
-    return StateMesh(mesh, document, pictures, about.made)
+    return StateMesh(mesh, report, pictures, about.made)
 
 
 def store_mesh(key: str, made: StateMesh) -> None:
@@ -135,7 +137,7 @@ def _fill(stages: Stages, key: str, made: StateMesh) -> None:
     if len(mesh.wedges):
         arrays["wedges"] = mesh.wedges
     stages.keep_arrays(_MESH, key, arrays, made.made)
-    about = {"label_names": mesh.label_names, "meta": mesh.meta, "document": made.document}
+    about = {"label_names": mesh.label_names, "meta": mesh.meta, "document": as_json(made.report)}
     stages.keep(_ABOUT, key, about, made.made)
     for name, content in made.pictures.items():
         (stages.folder / f"{name}.png").write_bytes(content)

@@ -116,10 +116,10 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/number_formats.py", "study/report/older_parts.py", "study/report/page.py",
     "study/report/pictures.py", "study/report/plan_results.py",
     "study/report/simulation_rendering.py", "study/report/stored_page.py",
-    "study/report/style.py", "study/report/summary.py",
+    "study/report/style.py", "study/report/summary.py", "study/report/sweep_results.py",
     "study/run/cohort.py", "study/run/computed_parts.py", "study/run/finished_study.py",
     "study/run/gap_parts.py", "study/run/members.py",
-    "study/run/opening_checks.py", "study/run/progress.py",
+    "study/run/opening_checks.py", "study/run/progress.py", "study/run/sweep_parts.py",
     "study/store/*",
 )  # fmt: skip
 """Modules that decide no number that is kept, whatever the patterns of a part say."""

@@ -15,6 +15,10 @@ from study.store.json_form import from_json, schema
 from study.store.layouts import FORMAT, LAYOUT
 
 KINDS = {
+    "run": ("reduced", "RunDocument"),
+    "calibrate": ("reduced", "CalibrateDocument"),
+    "sweep": ("sweep", "SweepDocument"),
+    "mesh": ("mesh", "MeshDocument"),
     "simulate": ("simulate", "SimulateDocument"),
     "study": ("study", "StudyDocument"),
     "cohort": ("cohort", "CohortDocument"),

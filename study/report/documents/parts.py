@@ -77,3 +77,16 @@ class NextMeasurement:
     sensor: str
     separates: list[str]
     expected_log_bayes_factor: float
+
+
+@dataclasses.dataclass(frozen=True)
+class AlphaCurve:
+    """Resting ratio over α.
+
+    Attributes:
+        alpha: scale factors [-].
+        rest_ratio: resting ratios [-].
+    """
+
+    alpha: list[float]
+    rest_ratio: list[float]

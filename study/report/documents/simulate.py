@@ -42,7 +42,7 @@ class SimulatedMesh:
     openings: list[str]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class SolverNumbers:
     """What the march took.
 
@@ -54,7 +54,7 @@ class SolverNumbers:
         steps_taken: steps taken, shorter ones counted each.
         resumed_from: whole step that the command went on from; None for a fresh run.
         seconds_per_step: wall time of a whole step; None where too few were taken to tell.
-        seconds: wall time of the run, compiling included.
+        seconds: wall time of the run, compiling included; older results do not say it.
         mean_iterations: iterations of GMRES of a step, mean.
         largest_iterations: largest number of them.
         largest_residual: largest relative residual at the end of a step [-].
@@ -70,7 +70,7 @@ class SolverNumbers:
     steps_taken: int
     resumed_from: float | None
     seconds_per_step: float | None
-    seconds: float
+    seconds: float | Absent = ABSENT
     mean_iterations: float | None
     largest_iterations: int | None
     largest_residual: float | None
@@ -97,7 +97,7 @@ class FailedStep:
 
 
 @dataclasses.dataclass(frozen=True)
-class History:
+class SimulatedHistory:
     """Pressures, flows and effort by step, or by every so-manieth where there are many.
 
     Attributes:
@@ -192,4 +192,4 @@ class SimulateDocument:
     sources: dict[str, str]
     remarks: dict[str, str]
     provenance: Provenance
-    history: History
+    history: SimulatedHistory

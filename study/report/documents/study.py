@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from study.report.documents.parts import Headline, Note
+from study.report.documents.parts import AlphaCurve, Headline, Note
 from study.run.results import Run3D
 from study.run.study_parts import Computed, MeasuredLumen, MotionPart, RampPart
 from study.store.json_form import under
@@ -69,19 +69,6 @@ class Loop:
     reached: bool
     extra_runs: int
     trials: list[LoopTrial]
-
-
-@dataclasses.dataclass(frozen=True)
-class AlphaCurve:
-    """Resting ratio over α.
-
-    Attributes:
-        alpha: scale factors [-].
-        rest_ratio: resting ratios [-].
-    """
-
-    alpha: list[float]
-    rest_ratio: list[float]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -6,10 +6,13 @@ import pathlib
 import pytest
 
 from study.report.documents import KINDS, document_schema, schema_path, schema_text, typed
-from study.store.json_form import as_json
+from study.store.json_form import ABSENT, as_json
+from study.store.layouts import FORMAT
+from study.store.result_files import KINDS as RESULTS
 from study.store.stored_document import load_document
 
 EXAMPLES = pathlib.Path(__file__).with_name("examples")
+OLDER = pathlib.Path(__file__).parents[2] / "store" / "stored"
 STORED = [kind for kind in KINDS if kind != "study"]  # a study is made anew in test_study
 
 
@@ -23,6 +26,23 @@ def test_typed_document_holds_every_key_of_a_result(kind):
     found = typed(load_document(EXAMPLES / f"{kind}.json"))
     assert type(found).__name__ == KINDS[kind][1]
     assert as_json(found) == document
+
+
+def test_every_command_that_stores_a_result_has_a_schema():
+    assert set(KINDS) == set(RESULTS)
+
+
+@pytest.mark.parametrize("kind", ["diagnose", "mesh", "simulate"])
+def test_result_of_the_first_layout_is_read(kind, tmp_path):
+    older = json.loads((OLDER / f"{kind}.json").read_text(encoding="utf-8"))
+    assert older["format"] == "jaxfsi 1"
+    example = _example(kind)
+    del example["provenance"]["options"]
+    cut = {key: part for key, part in example.items() if key not in older}
+    (tmp_path / "result.json").write_text(json.dumps({**older, **cut}))
+    found = typed(load_document(tmp_path))
+    assert found.provenance.options is ABSENT
+    assert as_json(found) == {**older, **cut, "format": FORMAT}
 
 
 @pytest.mark.parametrize("kind", STORED)
@@ -73,7 +93,7 @@ def test_schema_describes_a_result(kind):
     document, schema = _example(kind), document_schema(kind)
     assert _agrees(document, schema, schema["$defs"])
     for key in schema["required"]:
-        wrong = {**document, key: {"no": ["such", "thing"]}}
+        wrong = {**document, key: {"no": [["such"], "thing"]}}
         assert not _agrees(wrong, schema, schema["$defs"]), key
 
 

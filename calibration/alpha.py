@@ -116,7 +116,7 @@ def require_feasible(
 
 
 def _reachable(target: Parameter, P_mean: Array, P_venous: Parameter) -> Array:
-    """Whether some scale factor gives a ratio; traceable, NaN counts as no."""
+    """Whether a scale factor exists for a ratio; traceable, False for NaN."""
     above = (target * P_mean > P_venous) & (target > 0.0)
     return above & (target < 1.0) & (P_mean > P_venous) & jnp.isfinite(P_mean)
 
@@ -242,7 +242,7 @@ def _usual_unless(
 
 
 def checked_fit(fit: AlphaFit, in_order: Array, reachable: Array, data: Any) -> AlphaFit:
-    """A fit with its own code where the input had no answer, and NaN where it failed.
+    """The fit with the result code of an input without solution, and NaN where it failed.
 
     Args:
         fit: what a solver found.

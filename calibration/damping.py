@@ -1,4 +1,4 @@
-"""How the damping of a least-squares fit follows its steps: Nielsen's rule.
+"""Damping of a least-squares fit, adapted after each step by Nielsen's rule.
 
 With ϱ the gain of a step over the gain that the linear model promised, a step that is taken
 multiplies the damping by clip(1 − (2ϱ − 1)³, 1/10, 2); one that is refused multiplies it by 2, the
@@ -20,7 +20,7 @@ def next_damping(
     taken: Bool[Array, ""],
     ratio: Float[Array, ""],
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Damping of the next step, and its growth if that step is refused.
+    """Damping of the next step, and its growth if that step is rejected.
 
     Args:
         damping: of the step that was tried.

@@ -154,7 +154,7 @@ def fit_batch(
 
 
 def stacked(items: Sequence[Any]) -> Any:
-    """Models or experiments of equal structure as one, with a leading axis on all arrays."""
+    """Stack models or experiments of equal structure along a new leading axis of all arrays."""
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *items)
 
 

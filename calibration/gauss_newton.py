@@ -78,7 +78,7 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
     def init(
         self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any, aux_struct: Any, tags: Any
     ) -> _State:
-        """Nothing is known yet: the first step looks at the start itself."""
+        """Initial state; the first step evaluates the start."""
         n = y.shape[0]
         zero, one = jnp.zeros(()), jnp.ones(())
         return _State(
@@ -99,7 +99,7 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
     ) -> tuple[Array, _State, Any]:
-        """Look at the trial point, take or refuse it, and propose the next."""
+        """Evaluate the trial point, accept or reject it, and propose the next."""
 
         def evaluate(z):
             residual, aux = fn(z, args)
@@ -152,7 +152,7 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
     def terminate(
         self, fn: Any, y: Any, args: Any, options: Any, state: _State, tags: Any
     ) -> tuple[Bool[Array, ""], optx.RESULTS]:
-        """Whether nothing is left to gain."""
+        """Whether no further decrease of the cost is expected."""
         return state.done, state.result
 
     def postprocess(
@@ -166,7 +166,7 @@ class DampedGaussNewton(optx.AbstractLeastSquaresSolver):
         tags: Any,
         result: optx.RESULTS,
     ) -> tuple[Array, Any, dict[str, Any]]:
-        """Nothing to do."""
+        """Return the solution unchanged."""
         return y, aux, {}
 
 

@@ -103,7 +103,7 @@ class Identifiability(eqx.Module):
         return text if not below else f"{text} / ({' · '.join(below)})"
 
     def _undetermined_sentences(self, determined: np.ndarray) -> list[str]:
-        """One sentence for each parameter that others can make up for, or that has no effect."""
+        """One sentence for each parameter that others can compensate, or that has no effect."""
         references = _references(determined)
         lines = []
         for j, name in enumerate(self.names):

@@ -97,7 +97,7 @@ class Fit(eqx.Module):
 
     @property
     def cost(self) -> Float[Array, "*b"]:
-        """What was minimised: chi2 and the same of the priors."""
+        """Minimised cost: chi2 plus the squared residuals of the priors."""
         return self.chi2 + jnp.sum(self.outcome.prior_residual**2, axis=-1)
 
     @property

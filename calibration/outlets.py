@@ -1,4 +1,4 @@
-"""Blocks behind the outlets of a 3D model, and the states that they start from.
+"""Blocks behind the outlets of a 3D model, and their initial states.
 
 **Shares.** Where an artery ends in several outlets, outlet i has the share
 
@@ -87,7 +87,7 @@ def with_impedance(
     nu: Parameter,
     thickness_per_radius: Parameter,
 ) -> RCR:
-    """A Windkessel whose series resistance is the impedance of the aorta, its total as it was.
+    """A Windkessel with the aortic impedance as proximal resistance and unchanged total resistance.
 
     Args:
         block: the Windkessel; the whole resistance is its distal one.

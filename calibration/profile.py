@@ -1,4 +1,4 @@
-"""Profile likelihood: the cost along one parameter, the others fitted anew."""
+"""Profile likelihood: the cost along one parameter, all others re-fitted."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ MAX_STEPS = 256
 
 
 class Profile(eqx.Module):
-    """Cost along one parameter, all others fitted anew at each value.
+    """Cost along one parameter, all others re-fitted at each value.
 
     Attributes:
         name: the parameter (static).

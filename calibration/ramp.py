@@ -180,7 +180,7 @@ def fit_ramp(
 
 
 def _fitted(X: Float[Array, "n k"], drop: Float[Array, " n"], largest: Array) -> RampFit:
-    """Least squares on the weak form; NaN with the reason where they give no artery's law."""
+    """Least squares on the weak form; NaN and a reason where the coefficients are not physical."""
     n = drop.size
     everything = jnp.ones(X.shape[1])
     whole, spread = _least_squares(X, drop, everything)

@@ -204,7 +204,7 @@ def contraction_coefficient(take_off_angle: Float[ArrayLike, ""]) -> Float[Array
 
 
 def viscous_resistance(lumen: Lumen, *, mu: Float[ArrayLike, ""]) -> Float[Array, " frames"]:
-    """Viscous resistance that each cross-section stands for [dyn·s/cm⁵].
+    """Viscous resistance attributed to each cross-section [dyn·s/cm⁵].
 
     Trapezoidal rule for ∫ μ/G ds: a cross-section counts for half the way to its neighbours.
 

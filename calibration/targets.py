@@ -1,4 +1,4 @@
-"""What was measured: targets of a fit, and the experiments they were measured in.
+"""Targets of a fit: measured numbers and waveforms, and the experiments behind them.
 
 A target is any function of a `PeriodicSolution` that returns residuals in units of their standard
 deviation, (predicted − measured)/sd. An experiment is any function of the model that returns all

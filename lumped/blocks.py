@@ -1,4 +1,4 @@
-"""Boundary blocks: what lies downstream of a port.
+"""Boundary blocks: 0D models of the circulation downstream of a port.
 
 Every block is one element with one port. P is the pressure at the port, Q the flow into the
 block; P_ref is the pressure behind the last resistance. All numbers are differentiated array
@@ -49,7 +49,7 @@ class Resistance(AbstractElement):
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: rates and closure are linear."""
         return True
 
     def mass(self) -> Float[Array, " 0"]:
@@ -106,7 +106,7 @@ class RC(AbstractElement):
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: rates and closure are linear."""
         return True
 
     def mass(self) -> Float[Array, " 1"]:
@@ -173,7 +173,7 @@ class RCR(AbstractElement):
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: rates and closure are linear."""
         return True
 
     def mass(self) -> Float[Array, " 1"]:
@@ -239,7 +239,7 @@ class RCRL(AbstractElement):
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: rates and closure are linear."""
         return True
 
     def mass(self) -> Float[Array, " 2"]:
@@ -261,7 +261,7 @@ class RCRL(AbstractElement):
 
 
 class Coronary(AbstractElement):
-    """Five-element coronary bed, squeezed by the heart muscle.
+    """Five-element coronary bed, compressed by the heart muscle.
 
     Circuit: port ── R_1 ──┬── R_2 ──┬── R_3 ── P_venous
                           C_a       C_im
@@ -321,7 +321,7 @@ class Coronary(AbstractElement):
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: rates and closure are linear."""
         return True
 
     def mass(self) -> Float[Array, " 2"]:

@@ -1,4 +1,4 @@
-"""Linear systems inside compiled programs, by plain elimination in place of a library.
+"""Small linear systems by Gaussian elimination inside compiled programs, without LAPACK.
 
 Three ways, each where it is the fastest (2 cores, jaxlib 0.10):
 
@@ -113,7 +113,7 @@ def solve_with_log_det(
 def schur_complement(
     A: Float[Array, "n n"], count: int
 ) -> tuple[Float[Array, "r r"], Float[Array, ""]]:
-    """What is left of a symmetric matrix once its first rows and columns are eliminated.
+    """Schur complement of a symmetric matrix after elimination of its leading rows and columns.
 
     With A_11 = UᵀU and V = U⁻ᵀ A_12 what is left is A_22 − VᵀV; rows of [U, V] are made by blocks.
 
@@ -135,7 +135,7 @@ def schur_complement(
 
 
 def _cholesky_rows(rows: Float[Array, "p n"]) -> Float[Array, "p n"]:
-    """[U, U⁻ᵀB] from [A, B], where UᵀU = A; what lies below U's diagonal means nothing."""
+    """[U, U⁻ᵀB] from [A, B], where UᵀU = A; entries below the diagonal of U are undefined."""
     p = rows.shape[0]
     place = jnp.arange(p)
 

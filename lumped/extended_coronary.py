@@ -85,7 +85,7 @@ class ExtendedCoronary(AbstractElement):
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: rates and closure are linear."""
         return True
 
     def mass(self) -> Float[Array, " n"]:

@@ -189,7 +189,7 @@ class Propagator(AbstractPeriodicSolver):
 
     @property
     def needs_index_one(self) -> bool:
-        """Always: it propagates the states alone."""
+        """True: it propagates the states alone."""
         return True
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:

@@ -54,7 +54,7 @@ class Shooting(AbstractPeriodicSolver):
 
     @property
     def needs_index_one(self) -> bool:
-        """Never: the march keeps all unknowns."""
+        """False: the march keeps all unknowns."""
         return False
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:
@@ -105,7 +105,7 @@ class Shooting(AbstractPeriodicSolver):
 def _cycle_error(
     coarse: Float[Array, "j n"], fine: Float[Array, "j n"], monodromy: Float[Array, "n n"]
 ) -> Float[Array, ""]:
-    """Difference between two runs of one cycle, and what it does to the periodic start.
+    """Error estimate from two marches of one cycle, with the error of the periodic start.
 
     An error e of the cycle's end moves the periodic start by (I − monodromy)⁻¹ e.
     """
@@ -116,13 +116,13 @@ def _cycle_error(
 
 
 def _finite(z: Float[Array, "k m"], result: optx.RESULTS) -> RESULTS:
-    """A solver's result, unless its solution is not finite."""
+    """Result of a solver; a solution that is not finite takes precedence."""
     found = finite_or_singular(z)
     return RESULTS.where(is_successful(found), as_result(result), found)
 
 
 class Cycles(AbstractPeriodicSolver):
-    """Adaptive diffrax cycles, repeated until the state after a cycle is the state before it.
+    """Adaptive integration with diffrax, cycle after cycle until the state repeats.
 
     What simulation codes do; here with an implicit derivative, forward mode only (`jax.jvp`,
     `jax.jacfwd`). Slow: the cross-check, and the fallback where Newton's method fails.
@@ -143,7 +143,7 @@ class Cycles(AbstractPeriodicSolver):
 
     @property
     def needs_index_one(self) -> bool:
-        """Always: diffrax integrates a vector field."""
+        """True: diffrax integrates a vector field."""
         return True
 
     def __call__(self, network: Network, period: Parameter) -> PeriodicSolution:

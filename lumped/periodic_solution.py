@@ -1,4 +1,4 @@
-"""What a periodic state is, whichever way it was found, and its exact cycle means."""
+"""Interface and result of the periodic solvers, and exact cycle means."""
 
 import abc
 from typing import Any, cast
@@ -72,7 +72,7 @@ class PeriodicSolution(eqx.Module):
 
     @property
     def initial(self) -> Float[Array, " m"]:
-        """All unknowns at t = 0: where a 3D run or a march starts without a transient."""
+        """All unknowns at t = 0, from which a 3D run or a march starts without a transient."""
         return self.z[0]
 
     @property
@@ -132,7 +132,7 @@ def finite_or_singular(*parts: Array) -> RESULTS:
 
 
 def sound(solution: PeriodicSolution) -> PeriodicSolution:
-    """The solution with NaN in place of its numbers where it is none, and the reason in `result`.
+    """Replace the numbers of a failed solution by NaN and state the reason in `result`.
 
     Parameters outside their ranges, which only traced ones can be, have periodic states too.
     """
@@ -147,7 +147,7 @@ def sound(solution: PeriodicSolution) -> PeriodicSolution:
 
 
 def checked_result(network: Network, period: Parameter, result: RESULTS) -> RESULTS:
-    """A result, or that a parameter of the network or the period lies outside its range."""
+    """The result; a parameter or period outside its range takes precedence."""
     T = real(period)
     usable = in_range(network) & jnp.all(jnp.isfinite(T) & (T > 0.0))
     return as_result(RESULTS.where(usable, result, cast(Any, RESULTS.outside_range)))
@@ -187,7 +187,7 @@ def steady_state(network: Network) -> Float[Array, " m"]:
 
 
 def rest_state(network: Network) -> tuple[Float[Array, " m"], Bool[Array, ""]]:
-    """The same whatever the parameters, where solvers start; and whether there is such a state."""
+    """Steady state under the sources at t = 0 as a constant start, and whether it was found."""
     zero = jnp.zeros(network.n_unknowns)
     if network.is_linear:
         z = jnp.linalg.solve(jacobian(network, 0.0, zero), -network.residual(0.0, zero))
@@ -214,5 +214,5 @@ def mean_state(network: Network, period: Parameter) -> Float[Array, " m"]:
 
 @jax.jit
 def mean_start(network: Network, period: Parameter) -> Float[Array, " m"]:
-    """The same whatever the parameters: where solvers start."""
+    """Steady state under the mean of the sources, as a constant start of solvers."""
     return rest_state(averaged(network, period))[0]

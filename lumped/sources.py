@@ -30,12 +30,12 @@ class PressureSource(AbstractElement):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """No state."""
+        """Empty: a source has no states."""
         return ()
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: the equation is linear."""
         return True
 
     def mass(self) -> Float[Array, " 0"]:
@@ -79,12 +79,12 @@ class FlowSource(AbstractElement):
 
     @property
     def state_names(self) -> tuple[str, ...]:
-        """No state."""
+        """Empty: a source has no states."""
         return ()
 
     @property
     def is_linear(self) -> bool:
-        """Always."""
+        """True: the equation is linear."""
         return True
 
     def mass(self) -> Float[Array, " 0"]:

@@ -1,4 +1,4 @@
-"""From rest to pharmacological stress: how the parameters of a block change.
+"""Changes of a block's parameters from rest to pharmacological stress.
 
 The method paper's equations halve R_2 and R_s and double C_a, C_im and C_s ("printed"); its prose
 says that all resistances halve ("all"). Printed lowers the nominal coronary total by 8.8 %, "all"

@@ -255,7 +255,7 @@ def _elements(
 
 
 def _without_zeros(values: Mapping[str, float]) -> dict[str, float]:
-    """Vessel parameters in which an element that is not there is left out."""
+    """Vessel parameters, those of absent elements left out."""
     return {name: v for name, v in values.items() if v != 0.0 or name == "R_viscous"}
 
 
@@ -298,7 +298,7 @@ def _condition(
 def _block(
     kind: str, values: Mapping[str, Any], waveform: AbstractWaveform | None
 ) -> tuple[Any, dict[str, Any]]:
-    """Our block for theirs: type and parameters."""
+    """Type and parameters of the block that represents a boundary condition of svZeroDSolver."""
     if kind == "CORONARY":
         names = {"R_1": "Ra1", "R_2": "Ra2", "R_3": "Rv1", "C_a": "Ca", "C_im": "Cc"}
         names |= {"P_venous": "P_v"}

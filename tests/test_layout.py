@@ -1,4 +1,4 @@
-"""Sizes of modules and functions, and how deep the imports within `study` go."""
+"""Sizes of modules and functions, names of classes, and how deep the imports within `study` go."""
 
 import ast
 import functools
@@ -14,6 +14,9 @@ LONGER = {
     ("jaxfsi/core/statics/equilibrium.py", "_equilibrium"): 104,  # closures of one implicit root
 }
 """Functions that may be longer, up to so many lines; take out what is not."""
+SHARED_NAMES = {"RESULTS", "Note"}
+"""Classes of one name with one meaning: result codes (as in equinox), and a remark as computed and
+as written."""
 LONGEST_CHAIN = 10
 """Modules of the longest chain of imports; lower it when the chain gets shorter."""
 
@@ -103,3 +106,13 @@ def test_a_constant_of_another_room_lies_in_a_module_that_imports_nothing_of_stu
         if imports[of]
     }
     assert not heavy
+
+
+def test_a_class_name_has_one_meaning():
+    where: dict[str, list[str]] = {}
+    for path in _modules():
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                where.setdefault(node.name, []).append(path.relative_to(_ROOT.parent).as_posix())
+    repeated = {name: paths for name, paths in where.items() if len(paths) > 1}
+    assert repeated.keys() <= SHARED_NAMES, repeated

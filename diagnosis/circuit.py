@@ -39,17 +39,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from diagnosis.resolution import HARMONICS, SAMPLES
 from lumped.elimination import solve_definite
 from lumped.units import MMHG
 
-SAMPLES = 256
-"""Samples of a beat; they resolve the kept harmonics of the ventricle's steep pressure."""
-
 PHASE = np.arange(SAMPLES) / SAMPLES
 """Time of the samples in beats."""
-
-HARMONICS = 40
-"""Harmonics kept, besides the mean."""
 
 LOW = 24
 """Harmonics of the flow that a nonlinear ostium couples."""

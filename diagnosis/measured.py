@@ -30,7 +30,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from diagnosis.circuit import FROM_SAMPLES, HARMONICS, PHASE, SAMPLES
+from diagnosis.circuit import FROM_SAMPLES, PHASE
+from diagnosis.resolution import HARMONICS, SAMPLES
 from lumped.units import MMHG
 
 WHITE_SHARE = 0.5

@@ -23,19 +23,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from diagnosis.circuit import (
-    FORCED,
-    HARMONICS,
-    PHASE,
-    SAMPLES,
-    Circuit,
-    SensorSpectra,
-    coefficients,
-    samples,
-    solve,
-)
+from diagnosis.circuit import FORCED, PHASE, Circuit, SensorSpectra, coefficients, samples, solve
 from diagnosis.effects import Effect, apply_effects
 from diagnosis.measured import SENSORS, Measured
+from diagnosis.resolution import HARMONICS, SAMPLES
 from lumped.nominal import C0_NOMINAL, NOMINAL
 from lumped.stress import PRINTED, stress_rule
 from lumped.units import MMHG, MMHG_S_PER_ML

@@ -18,7 +18,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from diagnosis.circuit import HARMONICS, SAMPLES
 from diagnosis.measured import (
     OFFSET_SD,
     SENSORS,
@@ -29,6 +28,7 @@ from diagnosis.measured import (
 )
 from diagnosis.prediction import P_SD, R0_PRIOR, R0_SD_LOG
 from diagnosis.record_checks import check_record
+from diagnosis.resolution import HARMONICS, SAMPLES
 from diagnosis.richness import RICHNESS
 from diagnosis.scatter import FEWEST_BEATS, FORM_SD, FORMS, folded_noise
 from lumped.units import MMHG

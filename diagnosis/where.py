@@ -21,12 +21,13 @@ from jaxtyping import Array
 from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.circuit import FORCED, FROM_SAMPLES, HARMONICS, PHASE, TO_SAMPLES
+from diagnosis.circuit import FORCED, FROM_SAMPLES, PHASE, TO_SAMPLES
 from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PLACES
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import Fitted, numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
+from diagnosis.resolution import HARMONICS
 from diagnosis.scan import linearise
 from diagnosis.verdict import Hypothesis
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from benchmarks.blind.clocked import Clock, recording
 from diagnosis import CATALOGUE, Record, RecordedCondition, measured
-from diagnosis.circuit import SAMPLES
 from diagnosis.measured import correlation
 from diagnosis.prediction import (
     ConditionSettings,
@@ -19,6 +18,7 @@ from diagnosis.prediction import (
     predict,
     selection,
 )
+from diagnosis.resolution import SAMPLES
 from lumped import MMHG
 from study.case.beat_folding import Folded, fold
 

@@ -23,6 +23,7 @@ from collections.abc import Mapping
 import numpy as np
 
 import diagnosis
+from diagnosis.resolution import HARMONICS
 from study.case.onsets import RISE, Upstrokes, find_upstrokes, rise_of
 
 SYSTOLE = 0.42
@@ -30,9 +31,6 @@ SYSTOLE = 0.42
 
 SHARE_USED = 0.4
 """Highest harmonic fitted, over samples a beat; 0.5 is the Nyquist limit."""
-
-HARMONICS = 40
-"""Largest number of harmonics fitted, as many as the diagnosis uses."""
 
 WIDEST_GAP = 0.85
 """Widest allowed gap between samples, in periods of the highest harmonic fitted."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxfsi.core.elements.bending import BendingElement
 from jaxfsi.core.elements.linear import Geometry, added
 from jaxfsi.core.elements.wall import AbstractWallElement
 from jaxfsi.core.laws.materials import (
@@ -24,6 +25,8 @@ from jaxfsi.core.laws.materials import (
     transposed,
 )
 from jaxfsi.core.laws.solid import Wall, cauchy_stress, deformation_gradients, inelastic_stress
+from jaxfsi.core.laws.wall_balance import WallElements, WallPrestress, WallShape, by_part
+from jaxfsi.core.laws.wedge_solid import wedge_stress_and_strain
 from lumped.parameters import Parameter
 
 
@@ -45,9 +48,9 @@ def wall_stress(
     u: Float[Array, "3 nodes"],
     d: Float[Array, "3 nodes"],
     wall: Wall,
-    element: AbstractWallElement,
-    shape: Geometry,
-    prestress: Float[Array, "3 3 points tets"] | None = None,
+    element: WallElements,
+    shape: WallShape,
+    prestress: WallPrestress = None,
     P_ambient: Parameter = 0.0,
 ) -> WallStress:
     """Stress and strain of the wall, the mean of its quadrature points; differentiable.
@@ -61,6 +64,36 @@ def wall_stress(
         prestress: second Piola-Kirchhoff stress that is there without deformation [dyn/cm²].
         P_ambient: pressure from which the stress of the equations counts, see `Model` [dyn/cm²].
     """
+    if isinstance(element, BendingElement):
+        wedges, rest = by_part(
+            element,
+            wall,
+            shape,
+            prestress,
+            lambda *part: wedge_stress_and_strain(u, d, *part),
+            lambda *part: _tet_stress(u, d, *part),
+        )
+        sigma = element.by_tets(wedges.sigma, rest[0])
+        strain = element.by_tets(wedges.strain, rest[1])
+    else:
+        sigma, strain = _tet_stress(u, d, wall, element, shape, prestress)
+    sigma = plus_identity(sigma, -P_ambient)
+    deviator = plus_identity(sigma, -(sigma[0][0] + sigma[1][1] + sigma[2][2]) / 3.0)
+    square = 1.5 * added(deviator[i][j] ** 2 for i in range(3) for j in range(3))
+    loaded = square > 0.0
+    von_mises = jnp.where(loaded, jnp.sqrt(jnp.where(loaded, square, 1.0)), 0.0)
+    return WallStress(_stacked(sigma), von_mises, strain)
+
+
+def _tet_stress(
+    u: Float[Array, "3 nodes"],
+    d: Float[Array, "3 nodes"],
+    wall: Wall,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None,
+) -> tuple[Float[Array, "3 3 tets"], Float[Array, "3 3 tets"]]:
+    """Cauchy stress and Green's strain, the mean of the quadrature points."""
     F = deformation_gradients(d, element, shape)
     elastic = cauchy_stress(d, wall, element, shape, prestress)
     points = range(len(F))
@@ -69,14 +102,9 @@ def wall_stress(
         [added(elastic[i, j, g] + viscous[g][i][j] for g in points) / len(F) for j in range(3)]
         for i in range(3)
     ]
-    sigma = plus_identity(sigma, -P_ambient)
-    deviator = plus_identity(sigma, -(sigma[0][0] + sigma[1][1] + sigma[2][2]) / 3.0)
-    square = 1.5 * added(deviator[i][j] ** 2 for i in range(3) for j in range(3))
-    loaded = square > 0.0
-    von_mises = jnp.where(loaded, jnp.sqrt(jnp.where(loaded, square, 1.0)), 0.0)
     share = 0.5 / len(F)
     strain = combined(*((share, plus_identity(product(transposed(f), f), -1.0)) for f in F))
-    return WallStress(_stacked(sigma), von_mises, _stacked(strain))
+    return _stacked(sigma), _stacked(strain)
 
 
 def _viscous(F: Tensor, gradients: Tensor, wall: Wall) -> Tensor:

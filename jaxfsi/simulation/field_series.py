@@ -135,7 +135,7 @@ def _fields(model: Model, state: State, patches: WallPatches | None):
         )
     cells = {}
     if model.wall is not None:
-        shape = geometry(model.x, model.solid_tets)
+        shape = wall_geometry(model.x, model.element)
         found = wall_stress(
             state.u, state.d, model.wall, model.element, shape, model.prestress, model.P_ambient
         )

@@ -110,6 +110,7 @@ def squeezed_ring(
         n_around=n_around,
         n_axial=n_axial,
         n_layers=n_layers,
+        columns=wall_element == "bending",
     )
     wall = Wall(LinearElastic(1.0, nu), support_stiffness=_WEAK)
     model = build_model(mesh, {}, wall=wall, clamped=[], wall_element=wall_element)
@@ -148,6 +149,7 @@ def thick_tube(
         n_around=n_around,
         n_axial=n_axial,
         n_layers=n_layers,
+        columns=wall_element == "bending",
     )
     wall = Wall(LinearElastic(1.0, nu))
     model = build_model(mesh, {}, wall=wall, wall_element=wall_element)

@@ -104,6 +104,25 @@ def determinant(a: Tensor) -> Float[Array, " tets"]:
     return determinant_and_cofactor(a)[0]
 
 
+def right_triangular(E: Tensor) -> Tensor:
+    """Upper triangular U with UᵀU = I + 2E."""
+    zero = jnp.zeros_like(E[0][0])
+    a = jnp.sqrt(1.0 + 2.0 * E[0][0])
+    b, c = 2.0 * E[0][1] / a, 2.0 * E[0][2] / a
+    d = jnp.sqrt(1.0 + 2.0 * E[1][1] - b * b)
+    e = (2.0 * E[1][2] - b * c) / d
+    f = jnp.sqrt(1.0 + 2.0 * E[2][2] - c * c - e * e)
+    return [[a, b, c], [zero, d, e], [zero, zero, f]]
+
+
+def triangular_solve(U: Tensor, a: Tensor) -> Tensor:
+    """U⁻¹ a of an upper triangular U."""
+    last = [value / U[2][2] for value in a[2]]
+    middle = [(a[1][j] - U[1][2] * last[j]) / U[1][1] for j in _AXES]
+    first = [(a[0][j] - U[0][1] * middle[j] - U[0][2] * last[j]) / U[0][0] for j in _AXES]
+    return [first, middle, last]
+
+
 class AbstractMaterial(eqx.Module):
     """An elastic material; its numbers may be scalars or one value an element."""
 
@@ -130,6 +149,20 @@ class AbstractMaterial(eqx.Module):
     @abc.abstractmethod
     def stress(self, F: Tensor) -> Tensor:
         """First Piola-Kirchhoff stress [dyn/cm²] at a deformation gradient."""
+
+    @property
+    def is_small_strain(self) -> bool:
+        """Whether strain is linear in the displacement."""
+        return False
+
+    def second_stress(self, E: Tensor) -> Tensor:
+        """Second Piola-Kirchhoff stress [dyn/cm²] at Green's strain, S = U⁻¹ P(U).
+
+        U is the triangular factor of C = I + 2E = UᵀU: the stress of an objective law does not
+        depend on the rotation that is left out. Not a number where C is not positive definite.
+        """
+        U = right_triangular(E)
+        return triangular_solve(U, self.stress(U))
 
     @property
     @abc.abstractmethod
@@ -194,6 +227,16 @@ class LinearElastic(AbstractMaterial):
     def moduli(self) -> tuple[Parameter, Parameter]:
         """λ and G [dyn/cm²]."""
         return _lame(self.E, self.nu)
+
+    @property
+    def is_small_strain(self) -> bool:
+        """Yes."""
+        return True
+
+    def second_stress(self, E: Tensor) -> Tensor:
+        """λ tr(ε) I + 2 G ε [dyn/cm²] of the small strain ε in place of E."""
+        lam, G = self.moduli
+        return plus_identity(combined((2.0 * G, E)), lam * _trace(E))
 
     def stress(self, F: Tensor) -> Tensor:
         """First Piola-Kirchhoff stress [dyn/cm²] at a deformation gradient."""

@@ -7,6 +7,8 @@ volume averaged round each vertex, whose matrix is Σ_v κ_v b_v b_vᵀ with b_v
 
 from typing import NamedTuple
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
@@ -18,9 +20,13 @@ from jaxfsi.core.elements.assembly import (
     host_geometry,
     isotropic_stiffness,
 )
+from jaxfsi.core.elements.bending import BendingElement
 from jaxfsi.core.elements.quadratic import EDGES, QuadraticElement
-from jaxfsi.core.elements.wall import Weights
+from jaxfsi.core.elements.wall import AbstractWallElement, Weights
+from jaxfsi.core.elements.wedge import wedge_geometry
 from jaxfsi.core.laws.materials import LOCAL_LAME_RATIO
+from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.wedge_solid import element_matrices, wedge_tangent
 from jaxfsi.core.step.model import Model
 
 
@@ -38,14 +44,14 @@ def _per_tet(value: float | Array, n: int) -> Float[np.ndarray, " tets"]:
 
 
 def _elements(model: Model, weights: Weights) -> _Elements:
-    tets = np.asarray(model.solid_tets).T
+    wall, element = _of_tets(model)
+    tets = np.asarray(element.tets).T
     shape = host_geometry(np.asarray(model.x).T, tets)
-    assert model.wall is not None
-    n, wall = len(tets), model.wall
+    n = len(tets)
     w_a, w_u, w_d = (np.asarray(w, float) for w in weights)
     lam, G = (w_d * _per_tet(m, n) for m in wall.material.moduli)
     spread = np.zeros(model.n_nodes)
-    if isinstance(model.element, QuadraticElement):
+    if isinstance(element, QuadraticElement):
         kept = np.minimum(lam, LOCAL_LAME_RATIO * G)
         corner, quarter = tets.ravel(), np.repeat(shape.volume / 4.0, 4)
         share = np.bincount(corner, quarter, model.n_nodes)
@@ -57,8 +63,35 @@ def _elements(model: Model, weights: Weights) -> _Elements:
     return _Elements(tets, shape, lam, G, mass, spread)
 
 
+def _of_tets(model: Model) -> tuple[Wall, AbstractWallElement]:
+    """Wall and elements of what is made of tetrahedra."""
+    assert model.wall is not None
+    if isinstance(model.element, BendingElement):
+        return model.element.in_rest(model.wall), model.element.rest
+    return model.wall, model.element
+
+
 def vertex_block(model: Model, weights: Weights) -> sp.csr_matrix:
     """Matrix of the wall's vertices, three unknowns a node of the model."""
+    tets = _tet_vertices(model, weights)
+    if not isinstance(model.element, BendingElement):
+        return tets
+    assert model.wall is not None
+    element, rest = model.element, jnp.zeros_like(model.x)
+    shape = wedge_geometry(model.x, element.wedges)
+    weights = Weights(*(jnp.asarray(w, float) for w in weights))
+    tangent = eqx.filter_jit(wedge_tangent)(
+        rest, rest, weights, element.in_wedges(model.wall), element.wedges, shape
+    )
+    values = np.asarray(eqx.filter_jit(element_matrices)(tangent))
+    nodes = np.asarray(element.wedges.nodes).T
+    unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(-1, 18)
+    rows, columns = np.repeat(unknowns, 18, axis=1), np.tile(unknowns, (1, 18))
+    size = (3 * model.n_nodes,) * 2
+    return (tets + sp.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), size)).tocsr()
+
+
+def _tet_vertices(model: Model, weights: Weights) -> sp.csr_matrix:
     e = _elements(model, weights)
     values = isotropic_stiffness(e.shape, e.lam, e.G)
     for i in range(3):
@@ -79,10 +112,11 @@ def edge_blocks(model: Model, weights: Weights) -> Float[np.ndarray, "edges 3 3"
 
     With the function 4 N_a N_b of an edge and ∫ N_a N_b = V/20 (V/10 for a = b).
     """
-    if not isinstance(model.element, QuadraticElement):
+    element = _of_tets(model)[1] if model.wall is not None else model.element
+    if not isinstance(element, QuadraticElement) or model.n_nodes == model.n_vertices:
         return np.zeros((0, 3, 3))
     e = _elements(model, weights)
-    index = np.asarray(model.element.edges).T - model.n_vertices
+    index = np.asarray(element.edges).T - model.n_vertices
     n_edges = model.n_nodes - model.n_vertices
     grad, V = e.shape
     blocks = np.zeros((n_edges, 3, 3))
@@ -105,4 +139,5 @@ def edge_blocks(model: Model, weights: Weights) -> Float[np.ndarray, "edges 3 3"
     vertex, edge = np.divmod(pair, n_edges)
     values = e.spread[vertex][:, None, None] * np.einsum("pi,pj->pij", c, c)
     np.add.at(blocks, edge, values)
+    blocks[~np.any(blocks, axis=(1, 2))] = np.eye(3)  # the held one that no element has
     return blocks

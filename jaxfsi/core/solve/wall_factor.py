@@ -22,11 +22,16 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements.linear import Geometry, geometry
-from jaxfsi.core.elements.wall import AbstractWallElement, Weights
+from jaxfsi.core.elements.wall import Weights
+from jaxfsi.core.laws.wall_balance import WallElements, WallShape, wall_geometry
 from jaxfsi.core.solve.nested_factor import NestedFactor, nested_factor, nested_solve
 from jaxfsi.core.solve.wall_blocks import edge_blocks
-from jaxfsi.core.solve.wall_tangent import WallTangent, apply_wall, wall_tangent
+from jaxfsi.core.solve.wall_tangent import (
+    BendingTangent,
+    WallTangent,
+    apply_wall,
+    wall_tangent,
+)
 from jaxfsi.core.step.model import Model
 
 Field = Float[Array, "3 nodes"]
@@ -57,9 +62,9 @@ class WallFactor(eqx.Module):
     vertex_nodes: Int[Array, " wall"]
     edge_inverse: Float[Array, "3 3 edges"]
     largest: Float[Array, ""]
-    tangent: WallTangent | None
-    element: AbstractWallElement
-    shape: Geometry
+    tangent: WallTangent | BendingTangent | None
+    element: WallElements
+    shape: WallShape
 
 
 def wall_factor(
@@ -88,7 +93,7 @@ def wall_factor(
         dtype=dtype,
     )
     inverse, tangent = np.zeros((0, 3, 3)), None
-    shape = geometry(model.x, model.solid_tets)
+    shape = wall_geometry(model.x, model.element)
     if model.wall is not None and model.n_nodes > model.n_vertices:
         inverse = np.linalg.inv(edge_blocks(model, weights))
         inverse[prescribed[model.n_vertices :]] = 0.0

@@ -18,10 +18,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxfsi.core.elements.bending import BendingElement
 from jaxfsi.core.elements.linear import Corners, Geometry, added, fusion_barrier
 from jaxfsi.core.elements.wall import AbstractWallElement, Points, Weights
 from jaxfsi.core.laws.materials import Tensor, combined
 from jaxfsi.core.laws.solid import Wall, inelastic_stress, local_stress, wall_motion
+from jaxfsi.core.laws.wall_balance import WallElements, WallPrestress, WallShape, by_part
+from jaxfsi.core.laws.wedge_solid import WedgeTangent, apply_wedges, wedge_tangent
 
 _AXES = range(3)
 
@@ -43,16 +46,28 @@ class WallTangent(NamedTuple):
     mass: Float[Array, " tets"]
 
 
+class BendingTangent(NamedTuple):
+    """Derivative of the forces of a wall that bends.
+
+    Attributes:
+        wedges: of its wedges.
+        rest: of its other tetrahedra.
+    """
+
+    wedges: WedgeTangent
+    rest: WallTangent
+
+
 def wall_tangent(
     u: Float[Array, "3 nodes"],
     d: Float[Array, "3 nodes"],
     weights: Weights,
     wall: Wall,
-    element: AbstractWallElement,
-    shape: Geometry,
-    prestress: Float[Array, "3 3 points tets"] | None = None,
-) -> WallTangent:
-    """Derivative of `solid_residual` by the unknown.
+    element: WallElements,
+    shape: WallShape,
+    prestress: WallPrestress = None,
+) -> WallTangent | BendingTangent:
+    """Derivative of `wall_residual` by the unknown.
 
     Args:
         u: velocity about which it is taken [cm/s].
@@ -61,8 +76,31 @@ def wall_tangent(
         wall: what the wall is made of.
         element: elements of the wall.
         shape: their geometry in the reference configuration.
-        prestress: see `solid_residual`.
+        prestress: see `wall_residual`.
     """
+    if isinstance(element, BendingElement):
+        return BendingTangent(
+            *by_part(
+                element,
+                wall,
+                shape,
+                prestress,
+                lambda *part: wedge_tangent(u, d, weights, *part),
+                lambda *part: _tet_tangent(u, d, weights, *part),
+            )
+        )
+    return _tet_tangent(u, d, weights, wall, element, shape, prestress)
+
+
+def _tet_tangent(
+    u: Float[Array, "3 nodes"],
+    d: Float[Array, "3 nodes"],
+    weights: Weights,
+    wall: Wall,
+    element: AbstractWallElement,
+    shape: Geometry,
+    prestress: Float[Array, "3 3 points tets"] | None,
+) -> WallTangent:
     motion = wall_motion(u, d, element, shape)
     pressures = element.pressures(motion.F, wall.material, shape, u.shape[1])
     F, rate = fusion_barrier((_mean(motion.F), _mean(motion.rate)), shape)
@@ -97,12 +135,24 @@ def _mean(points: Points) -> Tensor:
 
 
 def apply_wall(
+    tangent: WallTangent | BendingTangent,
+    v: Float[Array, "3 nodes"],
+    element: WallElements,
+    shape: WallShape,
+) -> Float[Array, "3 nodes"]:
+    """Change of the wall's forces along v."""
+    if isinstance(tangent, BendingTangent):
+        forces = apply_wedges(tangent.wedges, v, element.wedges, shape.wedges)
+        return forces + _apply_tets(tangent.rest, v, element.rest, shape.rest)
+    return _apply_tets(tangent, v, element, shape)
+
+
+def _apply_tets(
     tangent: WallTangent,
     v: Float[Array, "3 nodes"],
     element: AbstractWallElement,
     shape: Geometry,
 ) -> Float[Array, "3 nodes"]:
-    """Change of the wall's forces along v."""
     gradients = element.gradients(v, shape)
     stress = [_contracted(tangent.moduli, H) for H in gradients]
     for slope, stiffness in zip(tangent.gradients, tangent.stiffness, strict=True):

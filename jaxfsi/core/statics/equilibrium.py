@@ -19,12 +19,11 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements.linear import geometry
-from jaxfsi.core.elements.quadratic import QuadraticElement, edges_of_faces
+from jaxfsi.core.elements.bending import mid_edges
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.interface import MidEdgeInterface, mid_edge_load
-from jaxfsi.core.laws.solid import solid_residual
 from jaxfsi.core.laws.tissue import tissue_force
+from jaxfsi.core.laws.wall_balance import wall_geometry, wall_residual
 from jaxfsi.core.solve.krylov import fgmres
 from jaxfsi.core.solve.wall_blocks import vertex_block
 from jaxfsi.core.solve.wall_factor import WallFactor, wall_factor, wall_solve, wall_solve_transposed
@@ -132,9 +131,8 @@ def pressure_load(
             " such as interface or outer_wall."
         )
     value = jnp.broadcast_to(jnp.asarray(p, float), (n,))
-    ordered, edges = sides[found].T, None
-    if isinstance(model.element, QuadraticElement):
-        edges = jnp.asarray(edges_of_faces(model.element, ordered))
+    ordered = sides[found].T
+    edges = mid_edges(model.element, ordered, n)
     return PressureLoad(jnp.asarray(ordered), jnp.pad(value, (0, model.n_nodes - n)), edges)
 
 
@@ -214,7 +212,7 @@ def equilibrium(
 def _equilibrium(model, loads, factor, options) -> Equilibrium:
     n_load_steps, tolerance, max_newton, max_linear = options
     factor = jax.lax.stop_gradient(factor)
-    shape = geometry(model.x, model.solid_tets)
+    shape = wall_geometry(model.x, model.element)
     zero = jnp.zeros_like(model.x)
     free = model.in_solid & ~model.prescribed
     size = jax.lax.stop_gradient(
@@ -224,7 +222,7 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
 
     def out_of_balance(flat, scale):
         d = flat.reshape(3, -1)
-        r = solid_residual(zero, zero, d, model.wall, model.element, shape, model.prestress)
+        r = wall_residual(zero, zero, d, model.wall, model.element, shape, model.prestress)
         r = r + tissue_force(model.wall.support_stiffness * d, model)
         r = r - scale * load_forces(loads, d, model)
         return jnp.where(free, r, d).reshape(-1)

@@ -21,9 +21,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements.linear import geometry
 from jaxfsi.core.laws.materials import LinearElastic
-from jaxfsi.core.laws.solid import deformation_gradients, elastic_stress
+from jaxfsi.core.laws.wall_balance import second_stress, wall_geometry
 from jaxfsi.core.solve.wall_factor import WallFactor
 from jaxfsi.core.statics.equilibrium import RESULTS, Loads, equilibrium, load_forces
 from jaxfsi.core.step.model import Model
@@ -78,10 +77,7 @@ def prestressed(
     )
     dead = Loads(force=load_forces(loads, jnp.zeros_like(model.x), model))
     e = equilibrium(small, dead, factor, tolerance=tolerance, throw=throw).d
-    shape = geometry(model.x, model.solid_tets)
-    F = deformation_gradients(e, model.element, shape)
-    stress = elastic_stress(F, hooke, model.element, shape, model.n_nodes)
-    S = jnp.stack([jnp.stack([jnp.stack(list(row)) for row in s]) for s in stress], axis=2)
+    S = second_stress(e, hooke, model.element, wall_geometry(model.x, model.element))
     carried = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
     left = equilibrium(carried, loads, factor, tolerance=tolerance, throw=throw)
     return Prestress(carried, left.d, e, left.result)

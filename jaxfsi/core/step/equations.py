@@ -31,8 +31,9 @@ from jaxfsi.core.elements.linear import (
 from jaxfsi.core.laws.fluid import LaggedCoefficients, fluid_residual, lagged_coefficients
 from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_displacement
-from jaxfsi.core.laws.solid import Wall, solid_residual
+from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.tissue import tissue_force
+from jaxfsi.core.laws.wall_balance import WallShape, wall_geometry, wall_residual
 from jaxfsi.core.ports.port import PortMotion, Traction
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
@@ -74,7 +75,7 @@ class Step(NamedTuple):
     d_mesh: Float[Array, "3 nodes"]
     x: Float[Array, "3 nodes"]
     fluid_shape: Geometry
-    solid_shape: Geometry
+    solid_shape: WallShape
     coefficients: LaggedCoefficients
     u_prescribed: Float[Array, "3 nodes"]
     P_offset: Float[Array, " ports"]
@@ -106,7 +107,7 @@ def begin_step(
     x = model.x + (state.d_mesh + alpha * (d_mesh - state.d_mesh))
     fluid_shape = geometry(x, model.fluid_tets)
     fluid_shape = fusion_barrier(fluid_shape, fluid_shape)
-    solid_shape = geometry(model.x, model.solid_tets)
+    solid_shape = wall_geometry(model.x, model.element)
     solid_shape = derivative_barrier(solid_shape, solid_shape)
     with jax.named_scope("ports"):
         tractions = _linearised_ports(dt, model, state, guess.u, x, method)
@@ -199,7 +200,7 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         )
     if model.wall is not None:
         with jax.named_scope("wall"):
-            r_u = r_u + solid_residual(
+            r_u = r_u + wall_residual(
                 u, a, d, model.wall, model.element, step.solid_shape, model.prestress
             )
             r_u = r_u + _support(u, d, model.wall, model)

@@ -14,17 +14,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.elements.quadratic import QuadraticElement, edges_of_faces, numbered_edges
-from jaxfsi.core.elements.wall import AbstractWallElement, LinearElement
+from jaxfsi.core.elements.bending import bending_element, mid_edges
+from jaxfsi.core.elements.quadratic import QuadraticElement, numbered_edges
+from jaxfsi.core.elements.wall import LinearElement
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.interface import MidEdgeInterface
 from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.wall_balance import WallElements, WallPrestress
 from jaxfsi.core.ports.port import AbstractPort, PortSurface
 from jaxfsi.faces import triangle_edges
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
 from lumped.parameters import Parameter
 
-WallElement = Literal["quadratic", "linear"]
+WallElement = Literal["bending", "quadratic", "linear"]
 """Which element the wall is made of."""
 
 
@@ -66,14 +68,14 @@ class Model(eqx.Module):
 
     x: Float[Array, "3 nodes"]
     fluid_tets: Int[Array, "4 fluid_tets"]
-    element: AbstractWallElement
+    element: WallElements
     in_fluid: Bool[Array, " nodes"]
     in_solid: Bool[Array, " nodes"]
     prescribed: Bool[Array, " nodes"]
     mesh_prescribed: Bool[Array, " nodes"]
     blood: Blood
     wall: Wall | None
-    prestress: Float[Array, "3 3 points solid_tets"] | None
+    prestress: WallPrestress
     P_ambient: Float[Array, ""]
     ports: tuple[AbstractPort, ...]
     profiles: tuple[Float[Array, "3 nodes"] | None, ...]
@@ -137,8 +139,9 @@ def build_model(
         blood: None for the defaults.
         wall: what the wall is made of; required where the mesh has one.
         clamped: labels whose nodes do not move; None: the cut ends of the wall.
-        wall_element: ``"linear"``, as most codes have it, or ``"quadratic"``, which bends and does
-            not lock.
+        wall_element: ``"linear"``, as most codes have it; ``"quadratic"``, which bends and does
+            not lock; or ``"bending"``: wedges where the mesh has them, which cost no more than
+            linear elements, and quadratic ones elsewhere.
         P_ambient: pressure outside [dyn/cm²], at which the wall has its reference shape, see
             `Model`.
 
@@ -151,8 +154,8 @@ def build_model(
     _check_element(wall_element)
     n_nodes = len(mesh.points)
     fluid, solid = mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID)
-    element, ends = _wall_elements(n_nodes, solid, wall_element)
-    n_edges = len(ends)
+    element, ends, held = _wall_elements(mesh, solid, wall_element)
+    n_edges = len(held)
     in_fluid, in_solid = _marked(n_nodes, fluid), _marked(n_nodes, solid)
     prescribed = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))
     if not len(solid):
@@ -178,7 +181,7 @@ def build_model(
         element=element,
         in_fluid=jnp.asarray(np.append(in_fluid, np.zeros(n_edges, bool))),
         in_solid=jnp.asarray(np.append(in_solid, np.ones(n_edges, bool))),
-        prescribed=jnp.asarray(np.append(prescribed, _among(ends, mesh, clamped))),
+        prescribed=jnp.asarray(np.append(prescribed, _held(held, _among(ends, mesh, clamped)))),
         mesh_prescribed=jnp.asarray(np.append(mesh_prescribed, np.ones(n_edges, bool))),
         blood=Blood() if blood is None else blood,
         wall=wall if len(solid) else None,
@@ -189,7 +192,7 @@ def build_model(
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
         port_edges=tuple(_port_edges(mesh, name, element) for name in ports),
         outer_faces=jnp.asarray(outer.T, jnp.int32),
-        outer_edges=_mid_edges(outer, element),
+        outer_edges=_mid_edges(outer, element, mesh),
         mid_edge=_mid_edge_interface(mesh, element) if len(fluid) else None,
         names=tuple(ports),
         n_vertices=n_nodes,
@@ -197,38 +200,43 @@ def build_model(
 
 
 def _wall_elements(
-    n_nodes: int, solid: Int[np.ndarray, "tets 4"], kind: str
-) -> tuple[AbstractWallElement, Int[np.ndarray, "edges 2"]]:
-    """Elements of the wall, and the ends of the edges that carry unknowns."""
+    mesh: Mesh, solid: Int[np.ndarray, "tets 4"], kind: str
+) -> tuple[WallElements, Int[np.ndarray, "edges 2"], Bool[np.ndarray, " edges"]]:
+    """Elements of the wall, ends of the edges that carry unknowns, and which of them are held."""
+    n_nodes = len(mesh.points)
     if kind == "linear" or not len(solid):
-        return LinearElement(jnp.asarray(solid.T, jnp.int32)), np.zeros((0, 2), int)
+        linear = LinearElement(jnp.asarray(solid.T, jnp.int32))
+        return linear, np.zeros((0, 2), int), np.zeros(0, bool)
+    if kind == "bending" and len(mesh.wedges):
+        place = np.cumsum(mesh.region == Region.SOLID) - 1
+        parts = bending_element(solid, mesh.wedges, place[mesh.wedge_tets], n_nodes)
+        n_edges = len(parts.ends)
+        # One more unknown, held, stands for the edges of faces that belong to wedges.
+        return parts.element, parts.ends, np.append(parts.held, np.ones(min(n_edges, 1), bool))
     ends, index = numbered_edges(solid)
-    return QuadraticElement(
+    element = QuadraticElement(
         jnp.asarray(solid.T, jnp.int32), jnp.asarray(n_nodes + index.T, jnp.int32)
-    ), ends
+    )
+    return element, ends, np.zeros(len(ends), bool)
 
 
-def _mid_edge_interface(mesh: Mesh, element: AbstractWallElement) -> MidEdgeInterface | None:
+def _mid_edge_interface(mesh: Mesh, element: WallElements) -> MidEdgeInterface | None:
     """The interface, where the wall has mid-edge modes."""
     faces = mesh.labelled(INTERFACE)
-    edges = _mid_edges(faces, element)
+    edges = _mid_edges(faces, element, mesh)
     return None if edges is None else MidEdgeInterface(jnp.asarray(faces.T, jnp.int32), edges)
 
 
-def _port_edges(
-    mesh: Mesh, name: str, element: AbstractWallElement
-) -> Int[Array, "3 faces"] | None:
+def _port_edges(mesh: Mesh, name: str, element: WallElements) -> Int[Array, "3 faces"] | None:
     """Mid-edge unknowns of a labelled surface; None at an opening of the blood."""
-    return None if name in mesh.openings else _mid_edges(mesh.labelled(name), element)
+    return None if name in mesh.openings else _mid_edges(mesh.labelled(name), element, mesh)
 
 
 def _mid_edges(
-    faces: Int[np.ndarray, "faces 3"], element: AbstractWallElement
+    faces: Int[np.ndarray, "faces 3"], element: WallElements, mesh: Mesh
 ) -> Int[Array, "3 faces"] | None:
-    """Mid-edge unknowns opposite to the corners of faces; None for linear elements."""
-    if not isinstance(element, QuadraticElement):
-        return None
-    return jnp.asarray(edges_of_faces(element, faces.T), jnp.int32)
+    """Mid-edge unknowns opposite to the corners of faces; None where there are no such modes."""
+    return mid_edges(element, faces.T, len(mesh.points))
 
 
 def _among(
@@ -239,6 +247,13 @@ def _among(
     own = np.sort(np.concatenate([*sides, np.zeros((0, 2), int)]), axis=1)
     n = len(mesh.points)
     return np.isin(ends[:, 0] * n + ends[:, 1], own[:, 0] * n + own[:, 1])
+
+
+def _held(
+    held: Bool[np.ndarray, " edges"], clamped: Bool[np.ndarray, " ends"]
+) -> Bool[np.ndarray, " edges"]:
+    """Edges that are held, on wedges or on clamped faces."""
+    return held | np.pad(clamped, (0, len(held) - len(clamped)))
 
 
 def _marked(n_nodes: int, *elements: Int[np.ndarray, "_ _"]) -> Bool[np.ndarray, " nodes"]:

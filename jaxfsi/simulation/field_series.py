@@ -27,7 +27,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements.linear import geometry
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
 from jaxfsi.fields.frame import Grid

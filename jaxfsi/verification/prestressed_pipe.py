@@ -27,6 +27,7 @@ from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.linear import corners, geometry, total
 from jaxfsi.core.elements.quadratic import FAR, NEAR
+from jaxfsi.core.elements.wall import AbstractWallElement
 from jaxfsi.core.laws.materials import NeoHookean
 from jaxfsi.core.laws.solid import Wall, cauchy_stress
 from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
@@ -106,6 +107,7 @@ class _Middle(NamedTuple):
 
 def _middle(d: Float[Array, "3 nodes"], model: Model, mesh: Mesh) -> _Middle:
     assert model.wall is not None
+    assert isinstance(model.element, AbstractWallElement)
     shape = geometry(model.x, model.solid_tets)
     stress = np.asarray(cauchy_stress(d, model.wall, model.element, shape, model.prestress))
     n_points = stress.shape[2]

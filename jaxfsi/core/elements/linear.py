@@ -15,7 +15,7 @@ Source: Zienkiewicz & Taylor 2000, The Finite Element Method, vol. 1, section 6.
 import functools
 import operator
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 import equinox as eqx
 import jax
@@ -55,7 +55,14 @@ def added(terms: Iterable[Float[Array, "*shape"]]) -> Float[Array, "*shape"]:
     return functools.reduce(operator.add, terms)
 
 
-def fusion_barrier(values: Tree, shape: Geometry) -> Tree:
+class _Elements(Protocol):
+    """Any elements that have a volume."""
+
+    @property
+    def volume(self) -> Float[Array, " elements"]: ...
+
+
+def fusion_barrier(values: Tree, shape: _Elements) -> Tree:
     """The same values, computed once and stored.
 
     XLA on a CPU repeats whatever leads to a value in every loop that uses it, and a kernel with

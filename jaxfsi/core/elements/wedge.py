@@ -20,7 +20,8 @@ a one-dimensional stress::
 
     W_s = (E/2) V/24 Σ_i (e_i − ē)² |G³|⁴,     e_i = E_33 at column i
 
-It vanishes for every uniform strain, so that patch tests are passed.
+Where columns are parallel it vanishes for every uniform strain, and patch tests are passed exactly;
+where they spread, uniform strain is met with an error of second order in the angle between them.
 
 Every sampled strain is half a product of two legs, linear in the nodes, less its value in the
 reference configuration; no deformation gradient is formed.
@@ -40,15 +41,16 @@ from jaxtyping import Array, Float, Int
 from jaxfsi.core.elements.linear import IN_BOUNDS, added, gathered
 from jaxfsi.core.laws.materials import Tensor, determinant_and_cofactor, product, transposed
 
-Vector = tuple[Float[Array, " wedges"], Float[Array, " wedges"], Float[Array, " wedges"]]
-"""Components of a vector in each wedge."""
+Vector = tuple[Float[Array, " wedges"], ...]
+"""The three components of a vector in each wedge."""
 
 WedgeCorners = tuple[Vector, ...]
 """A vector at each of the six nodes."""
 
 Samples = tuple[Float[Array, " wedges"], ...]
-"""The twelve sampled covariant strains, or what works on them: in plane at both points (11, 22, 12),
-shear at A, B and C, thickness at the three columns."""
+"""The twelve sampled covariant strains, or what works on them.
+
+In plane at both points (11, 22, 12), shear at A, B and C, thickness at the three columns."""
 
 N_SAMPLES = 12
 POINTS = (-(3.0**-0.5), 3.0**-0.5)
@@ -141,10 +143,11 @@ def _mean(a: Vector, b: Vector) -> Vector:
 
 def _in_plane(x: WedgeCorners, zeta: float) -> tuple[Vector, Vector]:
     low, high = (1.0 - zeta) / 2.0, (1.0 + zeta) / 2.0
-    return tuple(
-        tuple(low * (x[k][i] - x[0][i]) + high * (x[k + 3][i] - x[3][i]) for i in _AXES)
-        for k in (1, 2)
-    )
+
+    def along(k: int) -> Vector:
+        return tuple(low * (x[k][i] - x[0][i]) + high * (x[k + 3][i] - x[3][i]) for i in _AXES)
+
+    return along(1), along(2)
 
 
 def _legs(x: WedgeCorners) -> list[tuple[Vector, Vector]]:
@@ -168,8 +171,7 @@ def _dot(a: Vector, b: Vector) -> Float[Array, " wedges"]:
 def strain_change(v: WedgeCorners, x: WedgeCorners) -> Samples:
     """Change of the sampled strains along v where the nodes are at x, B v."""
     return tuple(
-        (_dot(a, q) + _dot(p, b)) / 2.0
-        for (a, b), (p, q) in zip(_legs(v), _legs(x), strict=True)
+        (_dot(a, q) + _dot(p, b)) / 2.0 for (a, b), (p, q) in zip(_legs(v), _legs(x), strict=True)
     )
 
 
@@ -266,9 +268,7 @@ def inertia(a: WedgeCorners, mass: Float[Array, " wedges"]) -> WedgeCorners:
     return tuple(rows)
 
 
-def gathered_forces(
-    forces: WedgeCorners, wedges: Wedges, n_nodes: int
-) -> Float[Array, "3 nodes"]:
+def gathered_forces(forces: WedgeCorners, wedges: Wedges, n_nodes: int) -> Float[Array, "3 nodes"]:
     """Sum the forces of all wedges on each node."""
     rows = []
     for axis in _AXES:

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -22,10 +22,14 @@ from jaxfsi.core.laws.solid import (
 from jaxfsi.core.laws.wedge_solid import wedge_residual, wedge_stress
 
 WallElements = AbstractWallElement | BendingElement
-WallShape = Geometry | BendingShape
-WallPrestress = Float[Array, "3 3 points tets"] | BendingPrestress | None
+WallShape = Any
+"""`Geometry` of tetrahedra, `BendingShape` of a wall that bends."""
 
-Part = TypeVar("Part")
+WallPrestress = Any
+"""An array (3, 3, points, tets) of tetrahedra, `BendingPrestress` of a wall that bends, or None."""
+
+OfWedges = TypeVar("OfWedges")
+OfRest = TypeVar("OfRest")
 
 
 def wall_geometry(x: Float[Array, "3 nodes"], element: WallElements) -> WallShape:
@@ -40,9 +44,9 @@ def by_part(
     wall: Wall,
     shape: BendingShape,
     prestress: BendingPrestress | None,
-    of_wedges: Callable[..., Part],
-    of_rest: Callable[..., Part],
-) -> tuple[Part, Part]:
+    of_wedges: Callable[..., OfWedges],
+    of_rest: Callable[..., OfRest],
+) -> tuple[OfWedges, OfRest]:
     """What two functions give of the wedges and of the rest, each with (wall, element, shape, S₀).
 
     Args:
@@ -111,8 +115,17 @@ def second_stress(
         in_wedges, in_rest = element.in_wedges(material), element.in_rest(material)
         return BendingPrestress(
             wedge_stress(d, in_wedges, element.wedges, shape.wedges),
-            second_stress(d, in_rest, element.rest, shape.rest),
+            _tet_stress(d, in_rest, element.rest, shape.rest),
         )
+    return _tet_stress(d, material, element, shape)
+
+
+def _tet_stress(
+    d: Float[Array, "3 nodes"],
+    material: AbstractMaterial,
+    element: AbstractWallElement,
+    shape: Geometry,
+) -> Float[Array, "3 3 points tets"]:
     F = deformation_gradients(d, element, shape)
     stress = elastic_stress(F, material, element, shape, d.shape[1])
     return jnp.stack([jnp.stack([jnp.stack(list(row)) for row in S]) for S in stress], axis=2)

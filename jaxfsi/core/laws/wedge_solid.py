@@ -126,10 +126,8 @@ def enhancement(
 
     known = jax.lax.stop_gradient((e, material, shape, prestress))
     alpha = jnp.zeros_like(shape.volume)
-    if not material.is_small_strain:
-        alpha = jax.lax.fori_loop(
-            0, _STEPS, lambda _, alpha: step(known[0], alpha, *known[1:]), alpha
-        )
+    n_steps = 1 if material.is_small_strain else _STEPS
+    alpha = jax.lax.fori_loop(0, n_steps, lambda _, a: step(known[0], a, *known[1:]), alpha)
     return step(e, jax.lax.stop_gradient(alpha), material, shape, prestress)
 
 
@@ -369,6 +367,6 @@ def _deformation(x: WedgeCorners, shape: WedgeGeometry, point: int, assumed: Ten
     """R U: the rotation of the nodes' motion and the stretch of the assumed strain."""
     F = compatible_gradient(x, shape, point)
     C = product(transposed(F), F)
-    own = [[(C[i][j] - (i == j)) / 2.0 for j in range(3)] for i in range(3)]
+    own = [[(C[i][j] - float(i == j)) / 2.0 for j in range(3)] for i in range(3)]
     stretch = triangular_solve(right_triangular(own), right_triangular(assumed))
     return product(F, stretch)

@@ -44,7 +44,7 @@ from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.fluid import velocity_gradient
 from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.tissue import tissue_force
-from jaxfsi.core.solve.wall_tangent import WallTangent, apply_wall, wall_tangent
+from jaxfsi.core.solve.wall_tangent import BendingTangent, WallTangent, apply_wall, wall_tangent
 from jaxfsi.core.step.equations import Step, Unknowns, midpoint, port_motion
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
@@ -83,7 +83,7 @@ class StepTangent(NamedTuple):
     """
 
     blood: BloodTangent
-    wall: WallTangent | None
+    wall: WallTangent | BendingTangent | None
 
 
 def step_tangent(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> StepTangent:

@@ -141,9 +141,11 @@ def apply_wall(
     shape: WallShape,
 ) -> Float[Array, "3 nodes"]:
     """Change of the wall's forces along v."""
-    if isinstance(tangent, BendingTangent):
+    if isinstance(tangent, BendingTangent) and isinstance(element, BendingElement):
         forces = apply_wedges(tangent.wedges, v, element.wedges, shape.wedges)
         return forces + _apply_tets(tangent.rest, v, element.rest, shape.rest)
+    assert isinstance(tangent, WallTangent)
+    assert isinstance(element, AbstractWallElement)
     return _apply_tets(tangent, v, element, shape)
 
 

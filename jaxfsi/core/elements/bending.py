@@ -20,7 +20,7 @@ from jaxfsi.core.elements.quadratic import (
     edges_of_faces,
     numbered_edges,
 )
-from jaxfsi.core.elements.wedge import WedgeGeometry, Wedges, wedge_geometry
+from jaxfsi.core.elements.wedge import WedgeElement, WedgeGeometry, wedge_geometry
 
 Tree = TypeVar("Tree")
 
@@ -62,7 +62,7 @@ class BendingElement(eqx.Module):
     """
 
     tets: Int[Array, "4 tets"]
-    wedges: Wedges
+    wedges: WedgeElement
     wedge_tets: Int[Array, "3 wedges"]
     upper: Float[Array, "3 wedges"]
     rest: QuadraticElement
@@ -137,7 +137,7 @@ def bending_element(
     )
     element = BendingElement(
         jnp.asarray(tets.T, jnp.int32),
-        Wedges(jnp.asarray(wedges.T, jnp.int32)),
+        WedgeElement(jnp.asarray(wedges.T, jnp.int32)),
         jnp.asarray(wedge_tets.T, jnp.int32),
         jnp.asarray((tops.T - 1) / 2.0),
         rest,

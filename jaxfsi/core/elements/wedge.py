@@ -59,7 +59,7 @@ POINTS = (-(3.0**-0.5), 3.0**-0.5)
 _AXES = range(3)
 
 
-class Wedges(eqx.Module):
+class WedgeElement(eqx.Module):
     """The wedges of a wall.
 
     Attributes:
@@ -94,13 +94,13 @@ class WedgeGeometry(NamedTuple):
     volume: Float[Array, " wedges"]
 
 
-def wedge_corners(field: Float[Array, "3 nodes"], wedges: Wedges) -> WedgeCorners:
+def wedge_corners(field: Float[Array, "3 nodes"], wedges: WedgeElement) -> WedgeCorners:
     """Values of a vector field at the nodes of the wedges."""
     x, y, z = ([gathered(component, wedges.nodes[a]) for a in range(6)] for component in field)
     return tuple(zip(x, y, z, strict=True))
 
 
-def wedge_geometry(x: Float[Array, "3 nodes"], wedges: Wedges) -> WedgeGeometry:
+def wedge_geometry(x: Float[Array, "3 nodes"], wedges: WedgeElement) -> WedgeGeometry:
     """Shape of wedges with node positions x [cm]."""
     X = wedge_corners(x, wedges)
     inverses, weights, dets = [], [], []
@@ -268,7 +268,9 @@ def inertia(a: WedgeCorners, mass: Float[Array, " wedges"]) -> WedgeCorners:
     return tuple(rows)
 
 
-def gathered_forces(forces: WedgeCorners, wedges: Wedges, n_nodes: int) -> Float[Array, "3 nodes"]:
+def gathered_forces(
+    forces: WedgeCorners, wedges: WedgeElement, n_nodes: int
+) -> Float[Array, "3 nodes"]:
     """Sum the forces of all wedges on each node."""
     rows = []
     for axis in _AXES:

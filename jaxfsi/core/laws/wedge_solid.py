@@ -25,8 +25,8 @@ from jaxfsi.core.elements.wedge import (
     N_SAMPLES,
     Samples,
     WedgeCorners,
+    WedgeElement,
     WedgeGeometry,
-    Wedges,
     Work,
     compatible_gradient,
     gathered_forces,
@@ -156,7 +156,7 @@ def wedge_residual(
     a: Float[Array, "3 nodes"],
     d: Float[Array, "3 nodes"],
     wall: Wall,
-    wedges: Wedges,
+    wedges: WedgeElement,
     shape: WedgeGeometry,
     prestress: Prestress = None,
 ) -> Float[Array, "3 nodes"]:
@@ -192,7 +192,7 @@ def wedge_tangent(
     d: Float[Array, "3 nodes"],
     weights: Weights,
     wall: Wall,
-    wedges: Wedges,
+    wedges: WedgeElement,
     shape: WedgeGeometry,
     prestress: Prestress = None,
 ) -> WedgeTangent:
@@ -271,7 +271,7 @@ def _contracted(D: Sequence[Tensor], E: Tensor) -> Tensor:
 
 
 def apply_wedges(
-    tangent: WedgeTangent, v: Float[Array, "3 nodes"], wedges: Wedges, shape: WedgeGeometry
+    tangent: WedgeTangent, v: Float[Array, "3 nodes"], wedges: WedgeElement, shape: WedgeGeometry
 ) -> Float[Array, "3 nodes"]:
     """Change of the forces of the wedges along v."""
     moved = wedge_corners(v, wedges)
@@ -305,7 +305,10 @@ def element_matrices(tangent: WedgeTangent) -> Float[Array, "wedges 18 18"]:
 
 
 def wedge_stress(
-    d: Float[Array, "3 nodes"], material: AbstractMaterial, wedges: Wedges, shape: WedgeGeometry
+    d: Float[Array, "3 nodes"],
+    material: AbstractMaterial,
+    wedges: WedgeElement,
+    shape: WedgeGeometry,
 ) -> Float[Array, "3 3 2 wedges"]:
     """Second Piola-Kirchhoff stress of elasticity at the two points [dyn/cm²]."""
     e = sampled_strains(wedge_corners(d, wedges), shape, small=material.is_small_strain)
@@ -333,7 +336,7 @@ def wedge_stress_and_strain(
     u: Float[Array, "3 nodes"],
     d: Float[Array, "3 nodes"],
     wall: Wall,
-    wedges: Wedges,
+    wedges: WedgeElement,
     shape: WedgeGeometry,
     prestress: Prestress = None,
 ) -> WedgeStress:

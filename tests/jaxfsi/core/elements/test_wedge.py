@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from jaxfsi.core.elements.wall import Weights
-from jaxfsi.core.elements.wedge import Wedges, compatible_gradient, wedge_corners, wedge_geometry
+from jaxfsi.core.elements.wedge import (
+    WedgeElement,
+    compatible_gradient,
+    wedge_corners,
+    wedge_geometry,
+)
 from jaxfsi.core.laws.materials import LinearElastic, SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.wedge_solid import (
@@ -38,7 +43,7 @@ def plate():
     points[low, :2] += shift
     points[low + len(points) // 2, :2] += shift  # columns stay upright
     x = jnp.asarray(points.T)
-    wedges = Wedges(jnp.asarray(mesh.wedges.T, jnp.int32))
+    wedges = WedgeElement(jnp.asarray(mesh.wedges.T, jnp.int32))
     return x, wedges, wedge_geometry(x, wedges), inner
 
 
@@ -104,7 +109,7 @@ def test_forces_are_the_gradient_of_an_energy(plate, material):
 def test_wedge_has_the_six_rigid_modes_and_no_more(law):
     """On the mesh whose triangles have three colours, where one point in plane leaves two more."""
     mesh = strip(length=1.0, width=1.0, thickness=0.2, n_length=4, n_width=4, n_layers=1)
-    x, wedges = jnp.asarray(mesh.points.T), Wedges(jnp.asarray(mesh.wedges.T, jnp.int32))
+    x, wedges = jnp.asarray(mesh.points.T), WedgeElement(jnp.asarray(mesh.wedges.T, jnp.int32))
     shape, wall = wedge_geometry(x, wedges), Wall(MATERIALS[law])
     zero = jnp.zeros_like(x)
     tangent = wedge_tangent(zero, zero, STATIC, wall, wedges, shape)

@@ -363,6 +363,13 @@ class MeshOptions:
             "number", "", 1.0, 8.0, whole=True, text="layers of elements through the wall"
         ),
     ] = 2  # fmt: skip
+    wedge_layers: Annotated[
+        int,
+        Quantity(
+            "number", "", 0.0, 4.0, whole=True,
+            text="layers of wedges through the wall; 0: tetrahedra alone",
+        ),
+    ] = 0  # fmt: skip
     backend: Annotated[
         Literal["netgen", "gmsh", "tetgen"], Word(text="mesher of volumes")
     ] = "netgen"  # fmt: skip

@@ -22,7 +22,7 @@ from study.run.anatomy_source import case_anatomy, case_mesh, file_fault, states
 from study.run.limits import AREA_BOUND, SEPTUM_BOUND
 from study.run.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.run.progress import Progress
-from study.store.json_form import from_json
+from study.store.json_form import ABSENT, from_json
 from study.store.mesh_parts import (
     Histogram,
     LabelFaces,
@@ -196,6 +196,7 @@ def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
         histograms=histograms,
         pictures=list(pictures),
         picture_note=note,
+        notes=report["notes"],
     )
     made = StateMesh(mesh, found, pictures, made_now())
     store_mesh(key, made)
@@ -218,6 +219,7 @@ def _built(
             preset=options.preset,
             elements_across=options.elements_across,
             wall_layers=options.wall_layers,
+            wedge_layers=options.wedge_layers,
             backend=options.backend,
             progress=lambda stage, _: progress.step(f"{stage}, {state}"),
         )
@@ -237,6 +239,7 @@ def _examined(mesh: Mesh) -> dict[str, Any]:
         "fidelity": None,
         "wall_time_s": {"checking": time.perf_counter() - start},
         "retries": [],
+        "notes": [],
     }
 
 
@@ -380,6 +383,8 @@ def _remarks(report: StateReport) -> list[tuple[str, str]]:
             )
     for why in report.retries:
         found.append(("info", f"meshed again with finer settings, because {why}"))
+    if report.notes is not ABSENT:
+        found += [("warning", note) for note in report.notes]
     if report.picture_note:
         found.append(("info", report.picture_note))
     return found

@@ -2,6 +2,8 @@
 
 import dataclasses
 
+from study.store.json_form import ABSENT, Absent
+
 
 @dataclasses.dataclass(frozen=True)
 class MeshNote:
@@ -25,12 +27,14 @@ class MeshSettings:
         elements_across: least number of elements across the lumen; None: as the preset gives.
         wall_layers: layers of elements through the wall.
         backend: mesher of the volumes.
+        wedge_layers: layers of wedges through the wall; 0 for tetrahedra alone.
     """
 
     preset: str
     elements_across: int | None
     wall_layers: int
     backend: str
+    wedge_layers: int | Absent = ABSENT
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,6 +108,23 @@ class CrossingEdges:
 
 
 @dataclasses.dataclass(frozen=True)
+class MeshWedges:
+    """Wedges of the wall.
+
+    Attributes:
+        number: of wedges.
+        volume_share: part of the volume of the wall that they fill [-].
+        min_dihedral_deg: smallest angle between two faces of each.
+        scaled_jacobian: least of the six corners of each [-].
+    """
+
+    number: int
+    volume_share: float
+    min_dihedral_deg: MeasureSpread
+    scaled_jacobian: MeasureSpread
+
+
+@dataclasses.dataclass(frozen=True)
 class MeshQuality:
     """Size of a mesh and shape of its elements.
 
@@ -117,6 +138,7 @@ class MeshQuality:
         wall_thickness_cm: thickness between lumen and outside; None without a wall.
         septum_thickness_cm: thickness between two parts of the lumen; None where there is none.
         through_edges: edges that cross a region in one go.
+        wedges: those of the wall; None where tetrahedra alone fill it.
     """
 
     n_nodes: int
@@ -127,6 +149,7 @@ class MeshQuality:
     wall_thickness_cm: MeasureSpread | None
     septum_thickness_cm: MeasureSpread | None
     through_edges: CrossingEdges
+    wedges: MeshWedges | Absent | None = ABSENT
 
 
 @dataclasses.dataclass(frozen=True)
@@ -229,6 +252,7 @@ class StateReport:
         histograms: of `min_dihedral_deg`, and of `thickness_mm` where there is a wall.
         pictures: names of the pictures.
         picture_note: why there are none; None where there are.
+        notes: what was asked for but could not be had.
     """
 
     state: str
@@ -245,6 +269,7 @@ class StateReport:
     histograms: dict[str, Histogram]
     pictures: list[str]
     picture_note: str | None
+    notes: list[str] | Absent = ABSENT
 
 
 @dataclasses.dataclass(frozen=True)

@@ -66,6 +66,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "reference_radius_mm": (0.1, 20.0),
     "tube_radius_mm": (1.0, 60.0),
     "wall_layers": (0.5, 50.0),
+    "wedge_layers": (-1.0, 50.0),
     "elements_across": (0.5, 200.0),
     "smoothing_steps": (-1.0, 1e5),
     "radius": (0.0, 1e4),
@@ -73,7 +74,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
 
 WHOLE = frozenset({
     "cycles", "n_steps", "frames_per_cycle", "checkpoint_every", "max_halvings", "wall_layers",
-    "elements_across", "smoothing_steps", "order",
+    "wedge_layers", "elements_across", "smoothing_steps", "order",
 })  # fmt: skip
 """Keys that count something."""
 

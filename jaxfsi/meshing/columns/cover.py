@@ -2,7 +2,7 @@
 
 Columns are given up until the outer surface takes them all: where two patches of them face each
 other across a groove too narrow for tetrahedra, where no strip joins them to the rest of the
-surface, and where fitting to the outer surface spoils a wedge.
+surface, and where fitting to the outer surface spoils a wedge or a triangle beside it.
 """
 
 from typing import NamedTuple
@@ -21,9 +21,11 @@ from jaxfsi.meshing.columns.zone import SurfaceGraph, shapely, tidied, without
 from jaxfsi.meshing.surface.clipping import ClippedSurface, border_loops
 from jaxfsi.meshing.surface.fitted import fitted
 from jaxfsi.meshing.surface.isosurface import Surface
+from jaxfsi.meshing.surface.projection import triangle_qualities
 from jaxfsi.meshing.surface.sizes import SizeField, size_at
 
 _ROUNDS = 12
+_LEAST_TRIANGLE_QUALITY = 0.25
 # Width of a groove between two patches of columns over the element size.
 _GROOVE = 1.6
 # Ends of columns fewer steps apart than this are no groove.
@@ -99,10 +101,17 @@ def cover(
             continue
         outer = fitted(made.surface, anatomy, 1)
         good = shapely(points[feet], outer.surface.points[: len(feet)], ends.triangles)
-        if good.all():
+        spoilt = np.concatenate([ends.triangles[~good].ravel(), _at_slivers(outer.surface, feet)])
+        if len(spoilt) == 0:
             return Cover(outer, feet, ends.triangles)
-        free[feet[ends.triangles[~good]]] = False
+        free[feet[spoilt]] = False
     raise NoColumns(f"in {_ROUNDS} rounds no outer surface took the columns; use a finer preset")
+
+
+def _at_slivers(outer: Surface, feet: Int[np.ndarray, " columns"]) -> Int[np.ndarray, " spoilt"]:
+    """Columns that end at a triangle too poor to be filled."""
+    poor = outer.triangles[triangle_qualities(*outer) < _LEAST_TRIANGLE_QUALITY]
+    return np.unique(poor[poor < len(feet)])
 
 
 def _reason(lumen: Surface, columns: Columns, anatomy: Anatomy) -> str:

@@ -28,8 +28,8 @@ BENCHMARKS = (
     "steps",
     "published",
 )
-LONG = ("sensitivity", "convergence")
-"""Run only where they are named: an hour and more on two cores."""
+LONG = ("sensitivity", "convergence", "wall_steps")
+"""Run only where they are named: half an hour and more on two cores."""
 
 
 def main() -> int:

@@ -9,7 +9,9 @@ the upper triangular approximate inverse is::
 blood. The least-squares stabilisation τ_C is part of A: where it has the time scale of the step in
 it, it is of the size of inertia, and without it there are three times as many iterations. S uses
 the diagonal of A in the blood, and on the interface the wall's response to a uniform pressure, node
-by node.
+by node; that of a wall that bends is found with its whole tangent, since the vertices alone yield
+half as much. G has the forces of the pressure on mid-edge modes: without them the coupled tube with
+a quadratic wall takes 15 iterations where it takes 9 with the exact inverse of the wall.
 
 Everything is assembled once at the reference shape with the blood at rest, but for the diagonal in
 the blood, which each linear system renews (`with_blood`): where flow crosses ten elements in a step
@@ -27,7 +29,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxfsi.core.elements.assembly import (
     MASS,
@@ -42,6 +44,8 @@ from jaxfsi.core.elements.linear import added
 from jaxfsi.core.elements.stencil import apply, columns_of, neighbours
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.fluid import stabilisation_parameters, viscous_rate_squared
+from jaxfsi.core.laws.interface import MidEdgeInterface, mid_edge_flux, mid_edge_load
+from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
 from jaxfsi.core.solve.nested_factor import (
     NestedFactor,
     nested_factor,
@@ -52,12 +56,38 @@ from jaxfsi.core.solve.wall_blocks import edge_blocks, vertex_block
 from jaxfsi.core.solve.wall_factor import (
     WallFactor,
     wall_factor,
+    wall_free,
+    wall_product,
     wall_solve,
     wall_solve_transposed,
-    wall_vertices,
 )
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
+
+_RESPONSE_TOLERANCE = 1e-3
+_RESPONSE_ITERATIONS = 60
+
+
+class MidEdgeGradient(NamedTuple):
+    """G of the mid-edge modes of the interface, in the reference shape.
+
+    Attributes:
+        interface: the faces.
+        x: node positions [cm].
+        weight: what a change of the unknown does to the velocity.
+    """
+
+    interface: MidEdgeInterface
+    x: Float[Array, "3 nodes"]
+    weight: Float[Array, ""]
+
+    def load(self, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
+        """Forces of a pressure."""
+        return -self.weight * mid_edge_load(p, self.x, self.interface)
+
+    def flux(self, u: Float[Array, "3 nodes"]) -> Float[Array, " nodes"]:
+        """The transpose of `load`."""
+        return -self.weight * mid_edge_flux(u, self.x, self.interface)
 
 
 class Preconditioner(eqx.Module):
@@ -73,6 +103,7 @@ class Preconditioner(eqx.Module):
         gradient_transposed: the transpose of each.
         velocity_scale: A^(−1/2) of each velocity, by its diagonal.
         pressure_scale: S^(−1/2) of each pressure, by its diagonal.
+        mid_edge: G of mid-edge modes; None where there are none.
     """
 
     wall: WallFactor
@@ -84,6 +115,7 @@ class Preconditioner(eqx.Module):
     gradient_transposed: Float[Array, "3 columns nodes"]
     velocity_scale: Float[Array, "3 nodes"]
     pressure_scale: Float[Array, " nodes"]
+    mid_edge: MidEdgeGradient | None
 
 
 class _Blocks(NamedTuple):
@@ -104,7 +136,6 @@ def preconditioner(
     fluid = np.asarray(model.fluid_tets).T
     shape = host_geometry(points, fluid)
     blocks = _blocks(dt, model, method, shape)
-    wall_nodes = wall_vertices(model)
     wall = wall_factor(blocks.A_wall, model, Weights(*method.weights(dt)), dtype=dtype)
     free_fluid = in_fluid & ~in_solid & ~prescribed
     inverse_diagonal = np.where(free_fluid[:, None], 1.0 / blocks.diagonal, 0.0)
@@ -112,7 +143,10 @@ def preconditioner(
     S = blocks.C
     for i in range(3):
         S = S - blocks.D[i] @ sp.diags(inverse_diagonal[:, i]) @ blocks.G[i]
-    S = S + sp.diags(_wall_response(blocks, wall.vertices, wall_nodes, in_fluid & in_solid))
+    mid_edge = None
+    if model.mid_edge is not None:
+        mid_edge = MidEdgeGradient(model.mid_edge, model.x, jnp.asarray(method.weights(dt)[1]))
+    S = S + sp.diags(_wall_response(blocks, wall, mid_edge, in_fluid & in_solid))
     S = ((S + S.T) / 2.0).tocsr()[wet][:, wet]
     S_diagonal = np.ones(len(points))
     S_diagonal[wet] = S.diagonal()
@@ -129,6 +163,9 @@ def preconditioner(
         jnp.asarray(G_transposed, dtype),
         jnp.asarray(np.where(prescribed[:, None], 1.0, blocks.diagonal**-0.5).T),
         jnp.asarray(S_diagonal**-0.5),
+        jax.tree.map(
+            lambda a: jnp.asarray(a, dtype) if eqx.is_inexact_array_like(a) else a, mid_edge
+        ),
     )
 
 
@@ -199,19 +236,49 @@ def _diagonal(tets, shape, mass, lam, G, n_nodes) -> Float[np.ndarray, "nodes 3"
     )
 
 
-def _wall_response(blocks, wall, wall_nodes, interface) -> Float[np.ndarray, " nodes"]:
+def _wall_response(
+    blocks: _Blocks,
+    wall: WallFactor,
+    mid_edge: MidEdgeGradient | None,
+    interface: Bool[np.ndarray, " nodes"],
+) -> Float[np.ndarray, " nodes"]:
     """Volume flow that a uniform unit pressure presses into the wall at each interface node."""
-    response = np.zeros(len(interface))
-    if not len(wall_nodes):
-        return response
+    nodes = np.asarray(wall.vertex_nodes)
+    if not len(nodes):
+        return np.zeros(len(interface))
     ones = np.ones(len(interface))
-    push = np.stack([-(G @ ones)[wall_nodes] for G in blocks.G], axis=1)
-    velocity = nested_solve_once(wall, push.ravel()).reshape(-1, 3)
-    for i in range(3):
-        field = np.zeros(len(interface))
-        field[wall_nodes] = velocity[:, i]
-        response += blocks.D[i] @ field
+    push = -np.stack([G @ ones for G in blocks.G])
+    velocity = np.zeros_like(push)
+    if wall.smoother is None:
+        solved = nested_solve_once(wall.vertices, push[:, nodes].T.ravel())
+        velocity[:, nodes] = solved.reshape(-1, 3).T
+    else:
+        if mid_edge is not None:
+            push = push - np.asarray(mid_edge.load(jnp.asarray(ones)))
+        velocity = np.asarray(_yielding(wall, jnp.asarray(push, wall.smoother.free.dtype)), float)
+    response = sum(D @ v for D, v in zip(blocks.D, velocity, strict=True))
+    if mid_edge is not None:
+        response = response - np.asarray(mid_edge.flux(jnp.asarray(velocity)))
     return np.where(interface, np.maximum(response, 0.0), 0.0)
+
+
+@eqx.filter_jit
+def _yielding(wall: WallFactor, push: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
+    """Velocity of a wall at rest under a force, with its whole tangent."""
+    free = wall_free(wall)
+
+    def product(v: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
+        v = v.reshape(push.shape)
+        return jnp.where(free, wall_product(wall, v), v).reshape(-1)
+
+    found = fgmres(
+        product,
+        jnp.where(free, push, 0.0).reshape(-1),
+        lambda r: wall_solve(wall, r.reshape(push.shape)).reshape(-1),
+        tolerance=_RESPONSE_TOLERANCE * euclidean_norm(push.reshape(-1)),
+        max_iterations=_RESPONSE_ITERATIONS,
+    )
+    return found.x.reshape(push.shape)
 
 
 def with_blood(M: Preconditioner, diagonal: Sequence[Float[Array, " nodes"]]) -> Preconditioner:
@@ -226,15 +293,17 @@ def with_blood(M: Preconditioner, diagonal: Sequence[Float[Array, " nodes"]]) ->
 
 def _weak_gradient(M: Preconditioner, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
     """G p: force of a pressure on the nodes."""
-    return jnp.stack([apply(g, M.neighbour, p) for g in M.gradient])
+    force = jnp.stack([apply(g, M.neighbour, p) for g in M.gradient])
+    return force if M.mid_edge is None else force + M.mid_edge.load(p)
 
 
 def _weak_gradient_transposed(
     M: Preconditioner, u: Float[Array, "3 nodes"]
 ) -> Float[Array, " nodes"]:
-    return added(
+    flow = added(
         apply(g, M.neighbour, u_i) for g, u_i in zip(M.gradient_transposed, u, strict=True)
     )
+    return flow if M.mid_edge is None else flow + M.mid_edge.flux(u)
 
 
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:

@@ -3,6 +3,10 @@
 The element's law is split as its kernels do it: λ up to 2G acts in the elements, the rest on the
 volume averaged round each vertex, whose matrix is Σ_v κ_v b_v b_vᵀ with b_v = ∫ N_v ∇·N dV and
 κ_v = Σ k V/4 / (Σ V/4)².
+
+The block of the vertices is what a factor is made of, and has the stencil of linear elements: there
+a part of the rest acts in the elements. With averages, its factor on a patient's wall at ν = 0.49
+has 1.8 times the numbers, and the coupled step takes 20 iterations where it takes 21.
 """
 
 from typing import NamedTuple
@@ -21,13 +25,17 @@ from jaxfsi.core.elements.assembly import (
     isotropic_stiffness,
 )
 from jaxfsi.core.elements.bending import BendingElement
-from jaxfsi.core.elements.quadratic import EDGES, QuadraticElement
+from jaxfsi.core.elements.quadratic import EDGES, FAR, NEAR, QuadraticElement
 from jaxfsi.core.elements.wall import AbstractWallElement, Weights
 from jaxfsi.core.elements.wedge import wedge_geometry
 from jaxfsi.core.laws.materials import LOCAL_LAME_RATIO
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.wedge_solid import element_matrices, wedge_tangent
 from jaxfsi.core.step.model import Model
+
+_COARSE = 0.4
+"""Part of λ beyond 2G that acts in linear elements where the true one acts on averages: they lock,
+so that with all of it there are more iterations, as with less than a third."""
 
 
 class _Elements(NamedTuple):
@@ -36,7 +44,13 @@ class _Elements(NamedTuple):
     lam: Float[np.ndarray, " tets"]
     G: Float[np.ndarray, " tets"]
     mass: Float[np.ndarray, " tets"]
+    excess: Float[np.ndarray, " tets"]  # of λ over what acts in the elements
     spread: Float[np.ndarray, " nodes"]  # κ_v
+
+    @property
+    def coarse(self) -> "_Elements":
+        """The elements without averages, for linear shape functions."""
+        return self._replace(lam=self.lam + _COARSE * self.excess, spread=0.0 * self.spread)
 
 
 def _per_tet(value: float | Array, n: int) -> Float[np.ndarray, " tets"]:
@@ -50,17 +64,18 @@ def _elements(model: Model, weights: Weights) -> _Elements:
     n = len(tets)
     w_a, w_u, w_d = (np.asarray(w, float) for w in weights)
     lam, G = (w_d * _per_tet(m, n) for m in wall.material.moduli)
-    spread = np.zeros(model.n_nodes)
+    spread, more = np.zeros(model.n_nodes), np.zeros(n)
     if isinstance(element, QuadraticElement):
         kept = np.minimum(lam, LOCAL_LAME_RATIO * G)
         corner, quarter = tets.ravel(), np.repeat(shape.volume / 4.0, 4)
         share = np.bincount(corner, quarter, model.n_nodes)
-        excess = np.bincount(corner, np.repeat(lam - kept, 4) * quarter, model.n_nodes)
+        more = lam - kept
+        excess = np.bincount(corner, np.repeat(more, 4) * quarter, model.n_nodes)
         spread = excess / np.where(share > 0.0, share, 1.0) ** 2
         lam = kept
     G = G + w_u * _per_tet(wall.damping, n)
     mass = w_a * _per_tet(wall.rho_s, n) * shape.volume
-    return _Elements(tets, shape, lam, G, mass, spread)
+    return _Elements(tets, shape, lam, G, mass, more, spread)
 
 
 def _of_tets(model: Model) -> tuple[Wall, AbstractWallElement]:
@@ -72,7 +87,7 @@ def _of_tets(model: Model) -> tuple[Wall, AbstractWallElement]:
 
 
 def vertex_block(model: Model, weights: Weights) -> sp.csr_matrix:
-    """Matrix of the wall's vertices, three unknowns a node of the model."""
+    """Matrix of the wall's vertices with linear tetrahedra, three unknowns a node of the model."""
     tets = _tet_vertices(model, weights)
     if not isinstance(model.element, BendingElement):
         return tets
@@ -92,52 +107,110 @@ def vertex_block(model: Model, weights: Weights) -> sp.csr_matrix:
 
 
 def _tet_vertices(model: Model, weights: Weights) -> sp.csr_matrix:
-    e = _elements(model, weights)
+    e = _elements(model, weights).coarse
     values = isotropic_stiffness(e.shape, e.lam, e.G)
     for i in range(3):
         values[:, :, i, :, i] += e.mass[:, None, None] * MASS
-    matrix = assembled_vector(e.tets, values, model.n_nodes)
-    if not np.any(e.spread):
-        return matrix
-    slope = (e.shape.grad * e.shape.volume[:, None, None] / 4.0).reshape(-1, 12)
-    columns = (3 * e.tets[:, :, None] + np.arange(3)).reshape(-1, 12)
-    rows, columns = np.repeat(e.tets, 12, axis=1), np.tile(columns, (1, 4))
-    shape = (model.n_nodes, 3 * model.n_nodes)
-    b = sp.csr_matrix((np.tile(slope, (1, 4)).ravel(), (rows.ravel(), columns.ravel())), shape)
-    return (matrix + b.T @ sp.diags(e.spread) @ b).tocsr()
+    return assembled_vector(e.tets, values, model.n_nodes)
 
 
 def edge_blocks(model: Model, weights: Weights) -> Float[np.ndarray, "edges 3 3"]:
-    """Blocks of the edges' unknowns on the diagonal of the matrix.
-
-    With the function 4 N_a N_b of an edge and ∫ N_a N_b = V/20 (V/10 for a = b).
-    """
-    element = _of_tets(model)[1] if model.wall is not None else model.element
-    if not isinstance(element, QuadraticElement) or model.n_nodes == model.n_vertices:
+    """Blocks of the edges' unknowns on the diagonal of the matrix."""
+    if model.wall is None or model.n_nodes == model.n_vertices:
         return np.zeros((0, 3, 3))
-    e = _elements(model, weights)
-    index = np.asarray(element.edges).T - model.n_vertices
-    n_edges = model.n_nodes - model.n_vertices
-    grad, V = e.shape
-    blocks = np.zeros((n_edges, 3, 3))
-    keys, gradients = [], []
-    for k, (a, b) in enumerate(EDGES):
-        ga, gb = grad[:, a], grad[:, b]
-        T = np.einsum("ei,ej->eij", ga, ga) + np.einsum("ei,ej->eij", gb, gb)
-        cross = np.einsum("ei,ej->eij", ga, gb)
-        T = 16.0 * V[:, None, None] * (T / 10.0 + (cross + np.swapaxes(cross, 1, 2)) / 20.0)
-        own = e.G * np.trace(T, axis1=1, axis2=2) + e.mass * 8.0 / 105.0
-        values = (e.lam + e.G)[:, None, None] * T + own[:, None, None] * np.eye(3)
-        np.add.at(blocks, index[:, k], values)
-        for v in range(4):
-            weight = 0.2 * V[:, None] * ((1 + (v == a)) * gb + (1 + (v == b)) * ga)
-            keys.append(e.tets[:, v] * n_edges + index[:, k])
-            gradients.append(weight)
-    pair, place = np.unique(np.concatenate(keys), return_inverse=True)
-    total = np.concatenate(gradients)
-    c = np.stack([np.bincount(place, total[:, i]) for i in range(3)], axis=1)
-    vertex, edge = np.divmod(pair, n_edges)
-    values = e.spread[vertex][:, None, None] * np.einsum("pi,pj->pij", c, c)
-    np.add.at(blocks, edge, values)
+    basis = np.eye(10)[None]
+    blocks = _diagonal_blocks(model, basis, _elements(model, weights))[model.n_vertices :]
     blocks[~np.any(blocks, axis=(1, 2))] = np.eye(3)  # the held one that no element has
     return blocks
+
+
+def edge_ends(model: Model) -> Int[np.ndarray, "2 edges"]:
+    """Vertices at the ends of each edge that has an unknown."""
+    ends = np.zeros((2, model.n_nodes - model.n_vertices), int)
+    element = _of_tets(model)[1]
+    if isinstance(element, QuadraticElement):
+        tets, edges = np.asarray(element.tets), np.asarray(element.edges)
+        for k, pair in enumerate(EDGES):
+            ends[:, edges[k] - model.n_vertices] = tets[list(pair)]
+    return ends
+
+
+def nodal_blocks(
+    A_vertices: sp.csr_matrix, model: Model, weights: Weights
+) -> Float[np.ndarray, "nodes 3 3"]:
+    """Blocks on the diagonal of the matrix in the basis of nodal shape functions.
+
+    The displacement of the middle of an edge is w + (d_a + d_b)/2: the function of a vertex is N_a
+    less half of those of the free edges that meet there.
+
+    Args:
+        A_vertices: matrix of the vertices; what it has beyond `vertex_block` of the quadratic
+            elements belongs to the vertices in this basis too.
+        model: a model with quadratic elements.
+        weights: of acceleration, velocity and displacement.
+    """
+    e, n = _elements(model, weights), model.n_vertices
+    element = _of_tets(model)[1]
+    assert isinstance(element, QuadraticElement)
+    edges = np.asarray(element.edges).T
+    free = ~np.asarray(model.prescribed)[edges]
+    hierarchical = np.eye(10)[None]
+    nodal = np.tile(hierarchical, (len(edges), 1, 1))
+    for k, pair in enumerate(EDGES):
+        nodal[:, list(pair), 4 + k] = -0.5 * free[:, k, None]
+    blocks = _diagonal_blocks(model, nodal, e)
+    A = A_vertices[: 3 * n, : 3 * n]
+    whole = np.array([[A.diagonal(j - i)[min(i, j) :: 3][:n] for j in range(3)] for i in range(3)])
+    blocks[:n] += np.moveaxis(whole, 2, 0) - _diagonal_blocks(model, hierarchical, e.coarse)[:n]
+    return blocks
+
+
+def _diagonal_blocks(
+    model: Model, basis: Float[np.ndarray, "_ 10 10"], e: _Elements
+) -> Float[np.ndarray, "nodes 3 3"]:
+    """Blocks on the diagonal for functions that are combined from the hierarchical ones.
+
+    Args:
+        model: a model with quadratic elements.
+        basis: weights of the ten hierarchical functions in the ten functions of each element.
+        e: its elements.
+    """
+    element = _of_tets(model)[1]
+    assert isinstance(element, QuadraticElement)
+    nodes = np.concatenate([e.tets, np.asarray(element.edges).T], axis=1)
+    grad, V = e.shape
+    mass = e.mass[:, None] * np.sum(basis @ _MASS * basis, axis=2)
+    values = mass[:, :, None, None] * np.eye(3)
+    measured = np.zeros((len(V), 4, 10, 3))
+    for g in range(4):
+        at = np.where(np.arange(4) == g, NEAR, FAR)
+        bows = [4.0 * (at[a] * grad[:, b] + at[b] * grad[:, a]) for a, b in EDGES]
+        slope = basis @ np.concatenate([grad, np.stack(bows, axis=1)], axis=1)
+        outer = np.einsum("eni,enj->enij", slope, slope)
+        square = np.einsum("enii->en", outer)[:, :, None, None] * np.eye(3)
+        moduli = [(V / 4.0 * m)[:, None, None, None] for m in (e.lam + e.G, e.G)]
+        values += moduli[0] * outer + moduli[1] * square
+        share = V[:, None] / 4.0 * at
+        measured += share[:, :, None, None] * slope[:, None]
+    blocks = np.zeros((model.n_nodes, 3, 3))
+    np.add.at(blocks, nodes, values)
+    keys = e.tets[:, :, None] * model.n_nodes + nodes[:, None, :]
+    pair, place = np.unique(keys, return_inverse=True)
+    b = [np.bincount(place.ravel(), measured[..., i].ravel()) for i in range(3)]
+    vertex, node = np.divmod(pair, model.n_nodes)
+    np.add.at(blocks, node, np.einsum("p,ip,jp->pij", e.spread[vertex], b, b))
+    return blocks
+
+
+def _quadratic_mass() -> Float[np.ndarray, "10 10"]:
+    """∫ N_a N_b of the hierarchical functions over an element of unit volume."""
+    mass = np.zeros((10, 10))
+    mass[:4, :4] = MASS
+    for k, edge in enumerate(EDGES):
+        mass[4 + k, :4] = mass[:4, 4 + k] = [1 / 15 if v in edge else 1 / 30 for v in range(4)]
+        for m, other in enumerate(EDGES):
+            mass[4 + k, 4 + m] = (2, 4, 8)[len({*edge} & {*other})] / 105.0
+    return mass
+
+
+_MASS = _quadratic_mass()

@@ -55,7 +55,7 @@ class BendingTangent(NamedTuple):
     """
 
     wedges: WedgeTangent
-    rest: WallTangent
+    rest: "WallTangent | RestTangent"
 
 
 def wall_tangent(
@@ -130,6 +130,62 @@ def _tet_tangent(
     )
 
 
+class RestTangent(NamedTuple):
+    """The derivative about a wall at rest in its reference shape: it is isotropic.
+
+    Attributes:
+        lam: Lamé's first parameter of what acts point by point [dyn·s/cm³].
+        G: shear modulus, damping included [dyn·s/cm³].
+        slopes: ∂q_m/∂(tr H) of each averaged measure of the volume.
+        stiffness: see `WallTangent`.
+        mass: see `WallTangent`.
+    """
+
+    lam: Float[Array, " tets"]
+    G: Float[Array, " tets"]
+    slopes: tuple[Float[Array, " tets"], ...]
+    stiffness: tuple[Float[Array, " nodes"], ...]
+    mass: Float[Array, " tets"]
+
+
+def rest_tangent(tangent: WallTangent | BendingTangent) -> RestTangent | BendingTangent:
+    """The derivative about a motion without displacement, velocity and prestress."""
+    if isinstance(tangent, BendingTangent):
+        assert isinstance(tangent.rest, WallTangent)
+        rest = rest_tangent(tangent.rest)
+        assert isinstance(rest, RestTangent)
+        return BendingTangent(tangent.wedges, rest)
+    A = tangent.moduli
+    slopes = tuple(slope[0][0] for slope in tangent.gradients)
+    return RestTangent(A[0][0][4], A[0][1][1], slopes, tangent.stiffness, tangent.mass)
+
+
+def apply_rest(
+    tangent: RestTangent | BendingTangent,
+    v: Float[Array, "3 nodes"],
+    element: WallElements,
+    shape: WallShape,
+) -> Float[Array, "3 nodes"]:
+    """Change of the forces of a wall at rest along v."""
+    if isinstance(tangent, BendingTangent) and isinstance(element, BendingElement):
+        assert isinstance(tangent.rest, RestTangent)
+        forces = apply_wedges(tangent.wedges, v, element.wedges, shape.wedges)
+        return forces + apply_rest(tangent.rest, v, element.rest, shape.rest)
+    assert isinstance(tangent, RestTangent)
+    assert isinstance(element, AbstractWallElement)
+    gradients = element.gradients(v, shape)
+    traces = [added(H[i][i] for i in _AXES) for H in gradients]
+    mean = [tangent.lam * trace for trace in traces]
+    for slope, stiffness in zip(tangent.slopes, tangent.stiffness, strict=True):
+        p = element.spread(tuple(slope * trace for trace in traces), stiffness, shape)
+        mean = [q + slope * change for q, change in zip(mean, p, strict=True)]
+    stress = []
+    for H, q in zip(gradients, mean, strict=True):
+        P = [[tangent.G * (H[i][j] + H[j][i]) for j in _AXES] for i in _AXES]
+        stress.append([[P[i][j] + q if i == j else P[i][j] for j in _AXES] for i in _AXES])
+    return element.forces(tuple(stress), v, tangent.mass, shape)
+
+
 def _mean(points: Points) -> Tensor:
     return combined(*((1.0 / len(points), point) for point in points))
 
@@ -143,6 +199,7 @@ def apply_wall(
     """Change of the wall's forces along v."""
     if isinstance(tangent, BendingTangent) and isinstance(element, BendingElement):
         forces = apply_wedges(tangent.wedges, v, element.wedges, shape.wedges)
+        assert isinstance(tangent.rest, WallTangent)
         return forces + _apply_tets(tangent.rest, v, element.rest, shape.rest)
     assert isinstance(tangent, WallTangent)
     assert isinstance(element, AbstractWallElement)

@@ -119,8 +119,8 @@ class WallParameters:
         Literal["linear", "saint_venant_kirchhoff", "neo_hookean"], Word(text="elastic law in 3D")
     ] = "saint_venant_kirchhoff"
     element: Annotated[
-        Literal["linear", "quadratic"],
-        Word(text="quadratic ones bend, and take some ten times as long"),
+        Literal["linear", "bending", "quadratic"],
+        Word(text="bending: wedges where the wall stands in columns; quadratic takes far longer"),
     ] = "linear"
     prestress: Annotated[
         Literal["diastole", "none"],

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfsi import OUTER_WALL, Mesh
+from jaxfsi.core.elements.bending import BendingPrestress
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
@@ -62,7 +63,10 @@ def wall_of(wall: WallParameters) -> Wall:
     )
 
 
-Keep = Callable[[float, Callable[[], np.ndarray]], np.ndarray]
+Stress = dict[str, np.ndarray]
+"""Prestress of each part of the wall by name [dyn/cm²]."""
+
+Keep = Callable[[float, Callable[[], Stress]], Stress]
 """Gives the prestress at a pressure [dyn/cm²]: one that it kept, or what the function finds."""
 
 
@@ -101,12 +105,14 @@ def case_model(
     if not loaded:
         return model
 
-    def found() -> np.ndarray:
+    def found() -> Stress:
         # from the ambient pressure the lumen is free of load, and the outside is pulled
         pull = pressure_load(mesh, OUTER_WALL, -P_image, model)
-        return np.asarray(prestressed(model, Loads((pull,)), static_factor(model)).model.prestress)
+        S = prestressed(model, Loads((pull,)), static_factor(model)).model.prestress
+        parts = S._asdict() if isinstance(S, BendingPrestress) else {"stress": S}
+        return {name: np.asarray(part) for name, part in parts.items()}
 
     stress = found() if keep is None else keep(P_image, found)
-    return eqx.tree_at(
-        lambda m: m.prestress, model, jnp.asarray(stress), is_leaf=lambda leaf: leaf is None
-    )
+    parts = {name: jnp.asarray(part) for name, part in stress.items()}
+    S = parts["stress"] if "stress" in parts else BendingPrestress(**parts)
+    return eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)

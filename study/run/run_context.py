@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import pathlib
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from jaxfsi.text_files import regular_text
 from lumped import MMHG
 from lumped.whole_files import write_whole
 from study.case.model import Case
+from study.run.case_model import Stress
 from study.run.progress import Progress
 from study.run.study_choice import RunChoice
 from study.store.earlier_run import clear_run
@@ -54,12 +55,12 @@ class RunContext:
         """Where stages are kept."""
         return Stages(self.folder / STAGE_FOLDER)
 
-    def keep(self, P_image: float, found: Any) -> np.ndarray:
+    def keep(self, P_image: float, found: Callable[[], Stress]) -> Stress:
         """A prestress that was found before, see `study.run.case_model.Keep`."""
         wall = self.case.wall
         key = stage_key("prestress", self.mesh_key, wall, P_image)
         name = f"prestress-{P_image / MMHG:.6g}-mmHg"
-        return self.stages.arrays(name, key, lambda: {"stress": found()})["stress"]
+        return self.stages.arrays(name, key, found)
 
     def run_folder(self, name: str) -> pathlib.Path:
         """Folder of a run."""

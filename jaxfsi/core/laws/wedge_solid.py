@@ -238,7 +238,7 @@ def _condensed(
         return jnp.stack([*map(jnp.add, found.t, fixed), found.g])
 
     # All thirteen at once: compiled once.
-    units = jnp.eye(N_SAMPLES + 1)
+    units = jnp.eye(N_SAMPLES + 1, dtype=one.dtype)
     J = fusion_barrier(jax.vmap(change)(units[:, :-1], units[:, -1]), shape)
     return fusion_barrier(J[:-1, :-1] - J[:-1, -1:] * (J[-1:, :-1] / J[-1, -1]), shape)
 
@@ -260,7 +260,7 @@ def _law_moduli(
     units = np.zeros((6, 3, 3))
     for k, (i, j) in enumerate(_PAIRS):
         units[k, i, j] = units[k, j, i] = 1.0
-    found = fusion_barrier(jax.vmap(along)(jnp.asarray(units)), shape)
+    found = fusion_barrier(jax.vmap(along)(jnp.asarray(units, one.dtype)), shape)
     points = _at_points(found)
     return [[[[v[k] for v in row] for row in D] for k in range(6)] for D in points]
 
@@ -301,7 +301,9 @@ def element_matrices(tangent: WedgeTangent) -> Float[Array, "wedges 18 18"]:
         forces = _wedge_forces(tangent, moved, _changed(tangent, e))
         return jnp.stack([f for node in forces for f in node], axis=1)
 
-    return jnp.moveaxis(jax.vmap(column)(jnp.eye(18).reshape(18, 6, 3)), 0, 2)
+    return jnp.moveaxis(
+        jax.vmap(column)(jnp.eye(18, dtype=tangent.mass.dtype).reshape(18, 6, 3)), 0, 2
+    )
 
 
 def wedge_stress(

@@ -301,9 +301,8 @@ def element_matrices(tangent: WedgeTangent) -> Float[Array, "wedges 18 18"]:
         forces = _wedge_forces(tangent, moved, _changed(tangent, e))
         return jnp.stack([f for node in forces for f in node], axis=1)
 
-    return jnp.moveaxis(
-        jax.vmap(column)(jnp.eye(18, dtype=tangent.mass.dtype).reshape(18, 6, 3)), 0, 2
-    )
+    units = jnp.eye(18, dtype=tangent.mass.dtype).reshape(18, 6, 3)
+    return jnp.moveaxis(jax.vmap(column)(units), 0, 2)
 
 
 def wedge_stress(

@@ -19,6 +19,8 @@ from jaxfsi.meshing.surface.projection import triangle_qualities
 
 LEAST_JACOBIAN = 0.2
 LEAST_DIHEDRAL_DEG = 8.0
+# Of the tetrahedra that fill a wedge; meshes are refused below 5 degrees.
+LEAST_TET_DIHEDRAL_DEG = 6.0
 _LEAST_TRIANGLE_QUALITY = 0.25
 # Patches of fewer triangles are given up, patches without columns widened.
 _SMALL_PATCH = 30
@@ -107,7 +109,7 @@ def shapely(
     return (
         (shape.scaled_jacobian > LEAST_JACOBIAN)
         & (shape.min_dihedral_deg > LEAST_DIHEDRAL_DEG)
-        & (tets.reshape(3, -1).min(axis=0) > LEAST_DIHEDRAL_DEG)
+        & (tets.reshape(3, -1).min(axis=0) > LEAST_TET_DIHEDRAL_DEG)
         & (triangle_qualities(ends, triangles) > _LEAST_TRIANGLE_QUALITY)
     )
 

@@ -36,6 +36,9 @@ _PRESSURE, _LARGEST_PRESSURE = re.compile(r"(^|_)P_\w*mmHg$"), 2000.0
 DEEPEST = 40
 """Levels of tables and lists beyond which a document is damaged."""
 
+LONGEST_TEXT = 100_000
+"""Characters of one text: beyond those of any result, a figure would be at work for minutes."""
+
 
 class Damage(ValueError):
     """What is wrong with a document, in a sentence."""
@@ -145,6 +148,8 @@ def _parts(value: Any, place: str, depth: int, trail: Trail) -> Any:
         parts = [_parts(v, f"{place}[{k}]", depth + 1, trail) for k, v in enumerate(value)]
         nested = any(isinstance(part, dict | list) for part in parts)
         return Row(parts, place, trail) if nested else parts
+    if isinstance(value, str) and len(value) > LONGEST_TEXT:
+        raise Damage(f"{place or 'the document'} is a text of {len(value)} characters")
     if isinstance(value, int | float) and not _sound(value):
         raise Damage(f"{place or 'the document'} is a number that no result holds")
     return value

@@ -1,8 +1,12 @@
 """Sizes of modules and functions, names of classes, and how deep the imports within `study` go."""
 
 import ast
+import builtins
+import dis
 import functools
 import pathlib
+import symtable
+import types
 
 import study
 
@@ -116,3 +120,40 @@ def test_a_class_name_has_one_meaning():
                 where.setdefault(node.name, []).append(path.relative_to(_ROOT.parent).as_posix())
     repeated = {name: paths for name, paths in where.items() if len(paths) > 1}
     assert repeated.keys() <= SHARED_NAMES, repeated
+
+
+def _undefined(path: pathlib.Path) -> set[str]:
+    """Global names that a module reads and nowhere defines; strings of shapes are no names."""
+    code = compile(path.read_text(encoding="utf-8"), str(path), "exec", dont_inherit=True)
+    table = symtable.symtable(path.read_text(encoding="utf-8"), str(path), "exec")
+    known = {s.get_name() for s in table.get_symbols() if s.is_assigned() or s.is_imported()}
+    known |= set(dir(builtins)) | {"__file__", "__name__", "__doc__", "__path__"}
+    known |= {name for scope in _scopes(table) for name in _declared_global(scope)}
+    return {name for name in _read_globals(code) if name not in known}
+
+
+def _scopes(table):
+    yield table
+    for child in table.get_children():
+        yield from _scopes(child)
+
+
+def _declared_global(table) -> set[str]:
+    return {s.get_name() for s in table.get_symbols() if s.is_declared_global()}
+
+
+def _read_globals(code) -> set[str]:
+    found = {
+        step.argval
+        for step in dis.get_instructions(code)
+        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")
+    }
+    assigned = {step.argval for step in dis.get_instructions(code) if step.opname == "STORE_NAME"}
+    inner = (part for part in code.co_consts if isinstance(part, types.CodeType))
+    return (found - assigned).union(*(_read_globals(part) for part in inner))
+
+
+def test_no_module_reads_a_name_that_nothing_defines():
+    own = {"__module__", "__qualname__", "__annotations__"}  # of a class body
+    faults = {str(path): names for path in _modules() if (names := _undefined(path) - own)}
+    assert not faults

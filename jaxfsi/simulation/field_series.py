@@ -27,6 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxfsi.core.laws.wall_balance import wall_geometry
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
 from jaxfsi.fields.frame import Grid

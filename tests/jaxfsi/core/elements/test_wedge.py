@@ -174,9 +174,10 @@ def test_damping_works_against_the_motion(plate):
     )
 
 
-@materials
-def test_derivatives_by_position_and_moduli_agree_with_differences(plate, material):
+@pytest.mark.parametrize("law", ["linear", "neo_hookean"])
+def test_derivatives_by_position_and_moduli_agree_with_differences(plate, law):
     x, wedges, _, _ = plate
+    material = MATERIALS[law]
     key = jax.random.key(3)
     d = 0.004 * jax.random.normal(key, x.shape)
     weight = jax.random.normal(jax.random.key(4), x.shape)

@@ -146,9 +146,7 @@ def bending_element(
     return BendingParts(element, ends, held)
 
 
-def mid_edges(
-    element: object, faces: Int[np.ndarray, "3 faces"], n_vertices: int
-) -> Int[Array, "3 faces"] | None:
+def mid_edges(element: object, faces: Int[np.ndarray, "3 faces"]) -> Int[Array, "3 faces"] | None:
     """Unknowns of the edges opposite to the corners of faces.
 
     None where the wall has no such modes; edges of wedges have the unknown that is held, the last.
@@ -156,17 +154,8 @@ def mid_edges(
     Args:
         element: elements of the wall.
         faces: corners of faces of the wall.
-        n_vertices: nodes of the mesh.
     """
-    if isinstance(element, QuadraticElement):
-        return jnp.asarray(edges_of_faces(element, faces), jnp.int32)
-    if not isinstance(element, BendingElement) or not element.rest.tets.shape[1]:
+    quadratic = element.rest if isinstance(element, BendingElement) else element
+    if not isinstance(quadratic, QuadraticElement) or not quadratic.tets.shape[1]:
         return None
-    tets, edges = (np.asarray(a, np.int64) for a in (element.rest.tets, element.rest.edges))
-    ends = np.sort(tets[np.asarray(EDGES)], axis=1)
-    keys, first = np.unique(ends[:, 0] * n_vertices + ends[:, 1], return_index=True)
-    wanted = np.sort(np.asarray(faces, np.int64)[[[1, 2], [2, 0], [0, 1]]], axis=1)
-    wanted = wanted[:, 0] * n_vertices + wanted[:, 1]
-    place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    found = np.where(keys[place] == wanted, edges.ravel()[first[place]], edges.max() + 1)
-    return jnp.asarray(found, jnp.int32)
+    return jnp.asarray(edges_of_faces(quadratic, faces), jnp.int32)

@@ -186,13 +186,18 @@ class QuadraticElement(AbstractWallElement):
 def edges_of_faces(
     element: QuadraticElement, faces: Int[np.ndarray, "3 faces"]
 ) -> Int[np.ndarray, "3 faces"]:
-    """Places of the unknowns of the edges opposite to the corners of faces of the elements."""
+    """Places of the unknowns of the edges opposite to the corners of faces.
+
+    An edge that no element has gets the place behind the last one.
+    """
     tets, edges = (np.asarray(a, np.int64) for a in (element.tets, element.edges))
     n = int(edges.max()) + 1
     ends = np.sort(tets[np.asarray(EDGES)], axis=1)  # edge of the element, end, element
     keys, first = np.unique(ends[:, 0] * n + ends[:, 1], return_index=True)
     wanted = np.sort(np.asarray(faces, np.int64)[[[1, 2], [2, 0], [0, 1]]], axis=1)
-    return edges.ravel()[first[np.searchsorted(keys, wanted[:, 0] * n + wanted[:, 1])]]
+    key = wanted[:, 0] * n + wanted[:, 1]
+    place = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+    return np.where(keys[place] == key, edges.ravel()[first[place]], n)
 
 
 def numbered_edges(

@@ -132,7 +132,7 @@ def pressure_load(
         )
     value = jnp.broadcast_to(jnp.asarray(p, float), (n,))
     ordered = sides[found].T
-    edges = mid_edges(model.element, ordered, n)
+    edges = mid_edges(model.element, ordered)
     return PressureLoad(jnp.asarray(ordered), jnp.pad(value, (0, model.n_nodes - n)), edges)
 
 

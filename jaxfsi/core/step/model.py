@@ -192,7 +192,7 @@ def build_model(
         port_faces=tuple(jnp.asarray(mesh.labelled(name).T, jnp.int32) for name in ports),
         port_edges=tuple(_port_edges(mesh, name, element) for name in ports),
         outer_faces=jnp.asarray(outer.T, jnp.int32),
-        outer_edges=_mid_edges(outer, element, mesh),
+        outer_edges=mid_edges(element, outer.T),
         mid_edge=_mid_edge_interface(mesh, element) if len(fluid) else None,
         names=tuple(ports),
         n_vertices=n_nodes,
@@ -223,20 +223,13 @@ def _wall_elements(
 def _mid_edge_interface(mesh: Mesh, element: WallElements) -> MidEdgeInterface | None:
     """The interface, where the wall has mid-edge modes."""
     faces = mesh.labelled(INTERFACE)
-    edges = _mid_edges(faces, element, mesh)
+    edges = mid_edges(element, faces.T)
     return None if edges is None else MidEdgeInterface(jnp.asarray(faces.T, jnp.int32), edges)
 
 
 def _port_edges(mesh: Mesh, name: str, element: WallElements) -> Int[Array, "3 faces"] | None:
     """Mid-edge unknowns of a labelled surface; None at an opening of the blood."""
-    return None if name in mesh.openings else _mid_edges(mesh.labelled(name), element, mesh)
-
-
-def _mid_edges(
-    faces: Int[np.ndarray, "faces 3"], element: WallElements, mesh: Mesh
-) -> Int[Array, "3 faces"] | None:
-    """Mid-edge unknowns opposite to the corners of faces; None where there are no such modes."""
-    return mid_edges(element, faces.T, len(mesh.points))
+    return None if name in mesh.openings else mid_edges(element, mesh.labelled(name).T)
 
 
 def _among(

@@ -367,7 +367,7 @@ class MeshOptions:
         int,
         Quantity(
             "number", "", 0.0, 4.0, whole=True,
-            text="layers of wedges through the wall; 0: tetrahedra alone",
+            text="layers of wedges through the wall; 0: tetrahedra alone, or 1 where it bends",
         ),
     ] = 0  # fmt: skip
     backend: Annotated[

@@ -4,6 +4,7 @@ A case file is TOML; `study.case.template` shows every key. All faults of a file
 reported together.
 """
 
+import dataclasses
 import os
 import pathlib
 from collections.abc import Iterable, Mapping
@@ -85,6 +86,14 @@ def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[
         blood=BloodParameters(**values["blood"]),
         stress=StressParameters(**values["stress"]),
         windkessel=WindkesselParameters(**values["windkessel"]),
-        mesh=MeshOptions(**values["mesh"]),
+        mesh=_mesh_options(values),
         notes=texts["notes"],
     )
+
+
+def _mesh_options(values: Mapping[str, Any]) -> MeshOptions:
+    """Options of the mesh; a wall that bends stands in columns of at least one layer."""
+    given = MeshOptions(**values["mesh"])
+    if values["wall"]["element"] != "bending":
+        return given
+    return dataclasses.replace(given, wedge_layers=max(1, given.wedge_layers))

@@ -298,3 +298,13 @@ def test_strange_value_is_read_or_refused(shelf, place, value, key):
         name = key or line.split(" = ")[0]
     lines[place] = f"{name} = {value}"
     reads_or_refuses(write_case(shelf, "\n".join(lines)))
+
+
+@pytest.mark.parametrize(("asked", "layers"), [("", 1), ("wedge_layers = 2\n", 2)])
+def test_wall_that_bends_stands_in_columns(asked, layers, tmp_path):
+    file = tmp_path / "case.toml"
+    file.write_text(
+        '[patient]\nid = "a"\n[anatomy]\nkind = "synthetic"\n'
+        f'[wall]\nelement = "bending"\n[mesh]\n{asked}'
+    )
+    assert read_case(file).mesh.wedge_layers == layers

@@ -47,6 +47,7 @@ adapter.write_text(
     "    time.sleep(100.0)\\n"
 )
 calls = [NativeCall(adapter, {}, {"begun": str(folder / name)}) for name in "ab"]
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
 
 def interrupt():
     while not all((folder / name).exists() for name in "ab"):

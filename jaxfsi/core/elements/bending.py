@@ -36,6 +36,11 @@ class BendingShape(NamedTuple):
     wedges: WedgeGeometry
     rest: Geometry
 
+    @property
+    def volume(self) -> Float[Array, " wedges"]:
+        """Volumes of the wedges [cm³]; there are some."""
+        return self.wedges.volume
+
 
 class BendingPrestress(NamedTuple):
     """Second Piola-Kirchhoff stress of the undeformed wall [dyn/cm²].

@@ -16,8 +16,12 @@ from jaxfsi.core.step.model import build_model
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.core.step.step import RESULTS, advance_step
 from jaxfsi.core.step.stepper import prepare
+from jaxfsi.meshing import tube
 from jaxfsi.verification.coupled_tube import (
+    LENGTH,
     PERIOD,
+    RADIUS,
+    THICKNESS,
     TubeParameters,
     coupled_mesh,
     coupled_model,
@@ -229,3 +233,45 @@ def test_bad_input_is_refused(mesh, model):
     ):
         with pytest.raises(ValueError, match=message):
             prepare(dt, model, **options)
+
+
+@pytest.fixture(scope="module")
+def bending(model):
+    mesh = tube(
+        radius=RADIUS,
+        length=LENGTH,
+        thickness=THICKNESS,
+        n_around=8,
+        n_axial=8,
+        n_layers=1,
+        n_rings=2,
+        columns=True,
+    )
+    ports = dict(zip(model.names, model.ports, strict=True))
+    return mesh, build_model(mesh, ports, wall=model.wall, wall_element="bending")
+
+
+def test_wall_that_bends_conserves_volume(bending):
+    mesh, model = bending
+    stepper = prepare(DT, model)
+    books = keep_books(model, initial_state(model), stepper, wet_wall(mesh), 20)
+    assert np.all(books.report.result == RESULTS.successful)
+    assert volume_errors(books).equation < 3e-5  # as linear walls
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["E", "outwards"])
+def test_derivative_through_steps_of_a_wall_that_bends(bending, name):
+    _, model = bending
+    stepper = prepare(DT, model, tolerance=1e-10)
+    start, base = initial_state(model), TubeParameters()
+
+    def outlet(value):
+        changed = base._replace(**{name: value})
+        return outlet_pressure(changed, model, start, stepper, N_STEPS)
+
+    at = jnp.asarray(getattr(base, name))
+    slope = jax.grad(outlet)(at)
+    h = 1e3 if name == "E" else 1e-5
+    difference = (outlet(at + h) - outlet(at - h)) / (2.0 * h)
+    np.testing.assert_allclose(slope, difference, rtol=1e-4)

@@ -1,5 +1,7 @@
 """Stress of the wall for known deformations."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -7,8 +9,10 @@ from jaxfsi.core.elements.linear import geometry
 from jaxfsi.core.elements.wall import LinearElement
 from jaxfsi.core.laws.materials import NeoHookean
 from jaxfsi.core.laws.solid import Wall
+from jaxfsi.core.laws.wall_balance import wall_geometry
+from jaxfsi.core.step.model import build_model
 from jaxfsi.fields import wall_stress
-from jaxfsi.meshing import ring
+from jaxfsi.meshing import ring, strip
 
 E, NU = 1e6, 0.45
 
@@ -73,3 +77,20 @@ def test_ambient_pressure_is_part_of_the_stress_but_no_load_on_the_wall():
     np.testing.assert_allclose(ambient.sigma, plain.sigma - lift, atol=1e-9 * E)
     np.testing.assert_allclose(ambient.von_mises, plain.von_mises, rtol=1e-9)
     np.testing.assert_array_equal(ambient.strain, plain.strain)
+
+
+def test_uniform_stress_is_the_same_in_wedges_and_tetrahedra():
+    mesh = strip(length=1.0, width=0.5, thickness=0.1, n_length=4, n_width=2, n_layers=1)
+    half = dataclasses.replace(mesh, wedges=mesh.wedges[::2])
+    wall = Wall(NeoHookean(E, NU), damping=50.0)
+    model = build_model(half, {}, wall=wall, clamped=[], wall_element="bending")
+    n = model.n_vertices
+    H = jnp.asarray([[0.1, 0.02, 0.0], [-0.03, 0.05, 0.04], [0.0, 0.01, -0.06]])
+    d, u = H @ model.x, H.T @ model.x
+    shape = wall_geometry(model.x, model.element)
+    found = wall_stress(u, d, wall, model.element, shape)
+    tets = jnp.asarray(mesh.tets.T)
+    x = model.x[:, :n]
+    expected = wall_stress(u[:, :n], d[:, :n], wall, LinearElement(tets), geometry(x, tets))
+    np.testing.assert_allclose(found.sigma, expected.sigma, atol=1e-6 * E)  # of α by Newton
+    np.testing.assert_allclose(found.strain, expected.strain, atol=1e-9)

@@ -100,7 +100,7 @@ def _of_words(trial: Trial, outcome: Outcome, folder: pathlib.Path) -> list[Brea
         return [Breach("traceback", "a traceback")]
     found = []
     foreign = _FOREIGN.search(text)
-    if foreign:
+    if foreign and foreign[0] not in trial.key:  # a key may be named after a library
         found.append(Breach("words", f"says {foreign[0]!r}"))
     if not text.strip():
         found.append(Breach("words", "says nothing"))

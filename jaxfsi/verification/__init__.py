@@ -13,6 +13,7 @@ The exact solutions are written out by hand from the equations and share no code
 | `elastic_tube` | sinusoidal wave in an elastic tube | `womersley.wave_number` |
 | `tube_wave` | a pulse in an elastic tube | fields and displacement of other codes |
 | `walls` | bending strip, squeezed ring, thick tube | converged solutions, Lame |
+| `shells` | thin shells in large rotations | Sze, Liu & Lo 2004 |
 | `prestressed_pipe` | a pipe that carries a pressure undeformed | Lamé |
 | `coupled_tube` | a small tube with everything | `volume_balance`, `derivatives` |
 """

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         next_alpha,
         surrogate_ratio,
     )
+    from calibration.lumen_record import LumenChange, LumenProfile, lumen_change, lumen_profile
     from calibration.optimum import Fit
     from calibration.profile import Profile, profile
     from calibration.ramp import PAPER_DROP, RampFit, RampRecord, fit_ramp, measured_slope
@@ -77,6 +78,16 @@ if TYPE_CHECKING:
         VesselRecord,
         synthetic_record,
         vessel_residuals,
+    )
+    from calibration.wall_stiffness import (
+        LoadedWall,
+        MotionData,
+        WallStiffness,
+        fit_stiffness,
+        free_stiffness,
+        loaded_wall,
+        misfit,
+        stiffness_interval,
     )
 
 import_on_first_use(__name__)

@@ -145,8 +145,8 @@ def lumen_outline(
 
 def _loop_of(
     segments: Segments, ends: Int[np.ndarray, "segments 2"]
-) -> Float[np.ndarray, "loop 2 2"]:
-    """The closed loop round the origin, nearest to it where loops are nested."""
+) -> Bool[np.ndarray, " segments"]:
+    """Which belong to the closed loop round the origin, nearest to it where loops are nested."""
     names, compact = np.unique(ends, return_inverse=True)
     compact = compact.reshape(ends.shape)
     graph = scipy.sparse.coo_matrix(
@@ -165,7 +165,7 @@ def _loop_of(
             "no part of the surface closes round the centre of the section."
             " Give a point inside, and a closed surface."
         )
-    return segments[loop == around[np.argmin(nearest[around])]]
+    return loop == around[np.argmin(nearest[around])]
 
 
 def surface_outline(
@@ -188,10 +188,63 @@ def surface_outline(
     Raises:
         ValueError: the plane misses the surface, or no loop closes round the centre.
     """
+    segments, ends = _crossed(points, triangles, centre, normal)
+    return segments[_loop_of(segments, ends)]
+
+
+class Ring(NamedTuple):
+    """Where a plane crosses the edges of a triangulated surface, once round its centre.
+
+    Attributes:
+        low: first end of each edge.
+        high: its second end.
+        share: place between them, 0 at the first.
+    """
+
+    low: Int[np.ndarray, " points"]
+    high: Int[np.ndarray, " points"]
+    share: Float[np.ndarray, " points"]
+
+
+def surface_ring(
+    points: Float[np.ndarray, "nodes 3"],
+    triangles: Int[np.ndarray, "triangles 3"],
+    centre: Float[np.ndarray, " 3"],
+    normal: Float[np.ndarray, " 3"],
+) -> Ring:
+    """Points of a surface on the outline of `surface_outline`, in order; the same arguments.
+
+    Raises:
+        ValueError: the plane misses the surface, or no loop closes round the centre.
+    """
+    segments, ends = _crossed(points, triangles, centre, normal)
+    own = ends[_loop_of(segments, ends)]
+    following = dict(own.tolist())
+    order = [int(own[0, 0])]
+    while (after := following[order[-1]]) != order[0]:
+        order.append(after)
+    low, high = np.divmod(np.array(order), len(points))
+    height = _heights(points - centre, normal)
+    return Ring(low, high, height[low] / (height[low] - height[high]))
+
+
+def _heights(
+    offset: Float[np.ndarray, "nodes 3"], normal: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, " nodes"]:
+    height = offset @ (normal / np.linalg.norm(normal))
+    return np.where(height == 0.0, np.finfo(float).tiny, height)
+
+
+def _crossed(
+    points: Float[np.ndarray, "nodes 3"],
+    triangles: Int[np.ndarray, "triangles 3"],
+    centre: Float[np.ndarray, " 3"],
+    normal: Float[np.ndarray, " 3"],
+) -> tuple[Segments, Int[np.ndarray, "segments 2"]]:
+    """A straight piece in each crossed triangle, and the edges on which it begins and ends."""
     first, second = plane_axes(normal)
     offset = points - centre
-    height = offset @ (normal / np.linalg.norm(normal))
-    height = np.where(height == 0.0, np.finfo(float).tiny, height)
+    height = _heights(offset, normal)
     flat = np.stack([offset @ first, offset @ second], axis=1)
     above = height[triangles] > 0.0
     crossed = triangles[(above.sum(axis=1) % 3) > 0]
@@ -210,7 +263,7 @@ def surface_outline(
     flip = above[np.arange(len(odd)), odd][:, None]
     segments = np.where(flip[..., None], segments[:, ::-1], segments)
     ends = low * len(points) + high
-    return _loop_of(segments, np.where(flip, ends[:, ::-1], ends))
+    return segments, np.where(flip, ends[:, ::-1], ends)
 
 
 def surface_section(

@@ -39,8 +39,8 @@ STATIC = Weights(0.0, 0.0, 1.0)
 
 NO_WALL = "the model has no wall, so that nothing can be in equilibrium; give one"
 
-DERIVATIVE = 1e-10
-"""To what part of its right-hand side a system of derivatives is solved."""
+REDUCTION, DERIVATIVE = 1e-5, 1e-10
+"""To what part of its right-hand side a system of Newton's method and of derivatives is solved."""
 
 
 class RESULTS(eqx.Enumeration):
@@ -178,6 +178,8 @@ def equilibrium(
     tolerance: float = 1e-9,
     max_newton: int = 12,
     max_linear: int = 100,
+    reduction: float = REDUCTION,
+    derivative: float = DERIVATIVE,
     throw: bool = True,
 ) -> Equilibrium:
     """Displacement at which the wall is in equilibrium with its loads.
@@ -190,6 +192,9 @@ def equilibrium(
         tolerance: forces out of balance over loads at which to stop.
         max_newton: linear systems in each load step at most.
         max_linear: iterations of GMRES at most.
+        reduction: to what part of its right-hand side a system of Newton's method is solved, or
+            less far where the equilibrium asks for no more.
+        derivative: to what part of its right-hand side a system of derivatives is solved.
         throw: raise where no equilibrium is found; otherwise the result says so.
 
     Raises:
@@ -198,7 +203,7 @@ def equilibrium(
     """
     if model.wall is None:
         raise ValueError(NO_WALL)
-    options = (n_load_steps, tolerance, max_newton, max_linear)
+    options = (n_load_steps, tolerance, max_newton, max_linear, reduction, derivative)
     end = _equilibrium(model, loads, factor, options)
     if throw and not is_traced(end.residual) and end.result != RESULTS.successful:
         raise RuntimeError(
@@ -210,7 +215,7 @@ def equilibrium(
 
 @eqx.filter_jit
 def _equilibrium(model, loads, factor, options) -> Equilibrium:
-    n_load_steps, tolerance, max_newton, max_linear = options
+    n_load_steps, tolerance, max_newton, max_linear, reduction, derivative = options
     factor = jax.lax.stop_gradient(factor)
     shape = wall_geometry(model.x, model.element)
     zero = jnp.zeros_like(model.x)
@@ -266,7 +271,7 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
 
         def correct(s):
             d, r, k, n = s
-            goal = jnp.maximum(0.3 * tolerance * size / jnp.linalg.norm(r), 1e-5)
+            goal = jnp.maximum(0.3 * tolerance * size / jnp.linalg.norm(r), reduction)
             product = tangent(d, scale)
             step = linear_solve(product, r, approximate(wall_solve), goal)
             d = d - step.x
@@ -289,8 +294,8 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
 
     def solved(matvec, b, inverse):
         """Solution of a system of derivatives; not a number where it was not found."""
-        found = linear_solve(matvec, b, inverse, DERIVATIVE)
-        good = found.residual <= 10.0 * DERIVATIVE * jnp.linalg.norm(b)
+        found = linear_solve(matvec, b, inverse, derivative)
+        good = found.residual <= 10.0 * derivative * jnp.linalg.norm(b)
         return jnp.where(good, found.x, jnp.nan)
 
     def tangent_solve(matvec, b):

@@ -158,7 +158,8 @@ def build_mesh(
         elements_across: least number of elements across the width of the lumen (the minor axis of
             a slit); the mesh grows beyond its preset where this asks for it.
         wall_layers: layers of tetrahedra through the wall; 2 by splitting, more by smaller
-            elements, 1 leaves what the size gives.
+            elements, 1 leaves what the size gives. Beside wedges one layer stands, for
+            tetrahedra that bend.
         wedge_layers: layers of wedges in columns through the wall; tetrahedra fill the septum and
             other places where no column fits. With 0 they fill the wall. Where columns cannot be
             had at all, they do so too, and the report's notes say why.

@@ -1,8 +1,8 @@
 """Which triangles of the lumen carry columns, and the outer surface with the columns' ends in it.
 
 Columns are given up until the outer surface takes them all: where two patches of them face each
-other across a groove too narrow for tetrahedra, where no strip joins them to the rest of the
-surface, and where fitting to the outer surface spoils a wedge or a triangle beside it.
+other across a groove too narrow for tetrahedra, where no triangles close the hole between them,
+and where fitting to the outer surface spoils a wedge or a triangle beside it.
 """
 
 from typing import NamedTuple
@@ -13,21 +13,27 @@ from scipy.spatial import KDTree
 
 from jaxfsi.anatomy import Anatomy
 from jaxfsi.faces import triangle_edges
-from jaxfsi.measures import edge_lengths
+from jaxfsi.measures import edge_lengths, triangle_normals
+from jaxfsi.meshing.columns.corners import at_sharp_corners
 from jaxfsi.meshing.columns.march import Columns, march
 from jaxfsi.meshing.columns.outer import stitched
-from jaxfsi.meshing.columns.stack import Stack, stack
+from jaxfsi.meshing.columns.stack import Stack, stack, stack_sides
 from jaxfsi.meshing.columns.zone import SurfaceGraph, shapely, tidied, without
 from jaxfsi.meshing.surface.clipping import ClippedSurface, border_loops
 from jaxfsi.meshing.surface.fitted import fitted
 from jaxfsi.meshing.surface.isosurface import Surface
-from jaxfsi.meshing.surface.projection import triangle_qualities
+from jaxfsi.meshing.surface.projection import gradients, triangle_qualities
 from jaxfsi.meshing.surface.sizes import SizeField, size_at
 
 _ROUNDS = 12
 _LEAST_TRIANGLE_QUALITY = 0.25
+# Cosine between the normal of an outer triangle and that of the surface.
+_LEAST_COSINE = 0.5
+# Angle between two triangles of the surface of the rest.
+_SHARP_DEG = 30.0
+_STEP = 1e-3  # of the differences for normals [cm]
 # Width of a groove between two patches of columns over the element size.
-_GROOVE = 1.6
+_GROOVE = 0.6
 # Ends of columns fewer steps apart than this are no groove.
 _STEPS_ROUND = 4
 
@@ -79,7 +85,8 @@ def cover(
     points, triangles = lumen.surface
     graph = SurfaceGraph(triangles, len(points))
     columns = march(lumen, anatomy)
-    free = without(graph, columns.sound, ~shapely(points, columns.ends, triangles))
+    standing = columns.sound[triangles].all(axis=1)
+    free = without(graph, columns.sound, standing & ~shapely(points, columns.ends, triangles))
     rim = np.zeros(len(points), dtype=bool)
     rim[np.concatenate(lumen.loops)] = True
     for _ in range(_ROUNDS):
@@ -101,17 +108,32 @@ def cover(
             continue
         outer = fitted(made.surface, anatomy, 1)
         good = shapely(points[feet], outer.surface.points[: len(feet)], ends.triangles)
-        spoilt = np.concatenate([ends.triangles[~good].ravel(), _at_slivers(outer.surface, feet)])
+        found = Cover(outer, feet, ends.triangles)
+        spoilt = np.concatenate([ends.triangles[~good].ravel(), _at_poor(found, lumen, anatomy)])
         if len(spoilt) == 0:
-            return Cover(outer, feet, ends.triangles)
+            return found
         free[feet[spoilt]] = False
     raise NoColumns(f"in {_ROUNDS} rounds no outer surface took the columns; use a finer preset")
 
 
-def _at_slivers(outer: Surface, feet: Int[np.ndarray, " columns"]) -> Int[np.ndarray, " spoilt"]:
-    """Columns that end at a triangle too poor to be filled."""
-    poor = outer.triangles[triangle_qualities(*outer) < _LEAST_TRIANGLE_QUALITY]
-    return np.unique(poor[poor < len(feet)])
+def _at_poor(found: Cover, lumen: ClippedSurface, anatomy: Anatomy) -> Int[np.ndarray, " spoilt"]:
+    """Columns beside triangles that leave no room for good tetrahedra.
+
+    These are slivers, triangles turned from the surface, and neighbours at a sharp angle.
+    """
+    outer, count = found.outer.surface, len(found.feet)
+    normals = triangle_normals(*outer)
+    slope = gradients(anatomy.wall, outer.points[outer.triangles].mean(axis=1), step=_STEP)
+    size = np.linalg.norm(normals, axis=1) * np.linalg.norm(slope, axis=1)
+    turned = np.einsum("tk,tk->t", normals, slope) < _LEAST_COSINE * size
+    poor = outer.triangles[turned | (triangle_qualities(*outer) < _LEAST_TRIANGLE_QUALITY)]
+    shift = len(lumen.surface.points)
+    points = np.concatenate([lumen.surface.points, outer.points])
+    sides = stack_sides(found.stack(lumen, layers=1), points)[:, ::-1]
+    rest = outer.triangles[len(found.triangles) :] + shift
+    sharp = at_sharp_corners(points, np.concatenate([rest, sides]), least_deg=_SHARP_DEG) - shift
+    spoilt = np.unique(np.concatenate([poor.ravel(), sharp]))
+    return spoilt[(spoilt >= 0) & (spoilt < count)]
 
 
 def _reason(lumen: Surface, columns: Columns, anatomy: Anatomy) -> str:

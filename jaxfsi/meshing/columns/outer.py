@@ -1,36 +1,37 @@
 """The outer surface of the wall with the ends of the columns in it.
 
-The triangles over which columns stand replace the part of the outer surface that they cover. What
-is left of it, cut into small triangles, ends a little off their border; a strip of triangles
-closes the gap. mmgs then brings all that is no end of a column to the size asked for.
-
-The strip between two closed borders is the one whose squared edges across have the least sum
-(dynamic programming; Fuchs, Kedem & Uselton 1977, Comm. ACM 20, 693-702).
+The triangles over which columns stand replace the part of the outer surface that they cover. Where
+the holes between them are wide, islands of the outer surface are left in them; the least
+triangulation (`jaxfsi.meshing.columns.hole`) closes them from border to border. mmgs then brings
+all that is no end of a column to the size asked for.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from jaxfsi.anatomy.anatomy import PointFunction
 from jaxfsi.faces import triangle_edges, unique_rows
 from jaxfsi.measures import triangle_normals
+from jaxfsi.meshing.columns.hole import joined, least_triangulation
 from jaxfsi.meshing.columns.zone import SurfaceGraph
 from jaxfsi.meshing.surface.clipping import border_loops
 from jaxfsi.meshing.surface.isosurface import Surface
-from jaxfsi.meshing.surface.projection import gradients
+from jaxfsi.meshing.surface.projection import gradients, triangle_qualities
 from jaxfsi.meshing.surface.remesh import remesh_surfaces
 from jaxfsi.meshing.surface.sizes import SizeField, size_at
 
-# Width of the gap over the element size.
-_GAP = 0.4
-# Longest edge across the gap over the element size.
-_LONGEST = 1.6
-_CUTS = 2
-# Cosine between the normal of a triangle in the gap and that of the surface.
+# Distance of an island from the ends of columns over the element size.
+_GAP = 0.8
+_CUTS = 1
+# Cosine between the normal of a triangle over a hole and that of the surface.
 _LEAST_COSINE = 0.3
+# Quality of a triangle over a hole.
+_LEAST_QUALITY = 0.05
 _SAME_POINT = 1e-9
 _STEP = 1e-3  # of the differences for normals [cm]
 
@@ -40,7 +41,7 @@ class Stitched(NamedTuple):
 
     Attributes:
         surface: its first vertices are those of the columns, in their order.
-        failed: ends of columns at whose border no strip was found; the surface counts only
+        failed: ends of columns beside which a hole cannot be closed; the surface counts only
             where there are none.
     """
 
@@ -72,21 +73,83 @@ def stitched(
     if not borders:
         return Stitched(ends, failed)
     left = _uncovered(wall, ends, field)
-    partners, failed = _partners(left, ends, borders)
+    islands, failed = _islands(wall, left, ends, borders)
     if failed.any():
         return Stitched(ends, failed)
-    left, partners = _only_with(left, partners)
     shift = len(ends.points)
     points = np.concatenate([ends.points, left.points])
-    strips = []
-    for border, partner in zip(borders, partners, strict=True):
-        strip = _strip(points, border, partner[::-1] + shift)
-        failed[border] |= _poor(points, strip, border, f, field)
-        strips.append(strip)
+    islands = [island + shift for island in islands]
+    slope = gradients(f, points, step=_STEP)
+    normals = slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
+    taken = triangle_edges(np.concatenate([ends.triangles, left.triangles + shift]))
+    patch = [left.triangles + shift]
+    for hole in _holes(points, borders, islands):
+        polygon = joined(points, [border[::-1] for border in hole])
+        triangles = least_triangulation(polygon, points, normals, f, taken.reshape(-1, 2))
+        poor = triangles[_poor(points, triangles, normals)]
+        failed[poor[poor < shift]] = True
+        patch.append(triangles)
     if failed.any():
         return Stitched(ends, failed)
-    patch = np.concatenate([left.triangles + shift, *strips])
-    return _remeshed(points, patch, ends, np.concatenate(borders), field, deviation)
+    return _remeshed(points, np.concatenate(patch), ends, np.concatenate(borders), field, deviation)
+
+
+def _islands(
+    wall: Surface, left: Surface, ends: Surface, borders: list[Int[np.ndarray, " _"]]
+) -> tuple[list[Int[np.ndarray, " _"]], Bool[np.ndarray, " ends"]]:
+    """Borders of what is left that are no rim of an opening, and ends too near to such a rim."""
+    loops, islands = border_loops(left.triangles), []
+    failed = np.zeros(len(ends.points), dtype=bool)
+    rims = [wall.points[rim] for rim in border_loops(wall.triangles)]
+    used = np.concatenate(borders)
+    tree = KDTree(ends.points[used])
+    for loop in loops:
+        there = KDTree(left.points[loop])
+        shared = [np.asarray(there.query(rim)[0]) < _SAME_POINT for rim in rims]
+        if not any(share.any() for share in shared):
+            islands.append(loop)
+        for rim, share in zip(rims, shared, strict=True):
+            if share.any() and not share.all():
+                failed[used[tree.query(rim[~share])[1]]] = True
+    return islands, failed
+
+
+def _holes(
+    points: Float[np.ndarray, "points 3"],
+    borders: list[Int[np.ndarray, " _"]],
+    islands: list[Int[np.ndarray, " _"]],
+) -> list[list[Int[np.ndarray, " _"]]]:
+    """Borders of ends and of what is left, hole by hole.
+
+    An island lies in the hole of every border that is next to it.
+    """
+    count = len(borders)
+    used = np.concatenate(borders)
+    owner = np.repeat(np.arange(count), [len(border) for border in borders])
+    tree = KDTree(points[used])
+    rows = [owner[tree.query(points[island])[1]] for island in islands]
+    columns = [np.full(len(row), count + number) for number, row in enumerate(rows)]
+    total = count + len(islands)
+    link = (np.concatenate([*rows, [0]]), np.concatenate([*columns, [0]]))
+    graph = csr_array((np.ones(len(link[0])), link), shape=(total, total))
+    group = connected_components(graph, directed=False)[1]
+    loops = [*borders, *islands]
+    return [
+        [loops[number] for number in np.flatnonzero(group == hole)] for hole in np.unique(group)
+    ]
+
+
+def _poor(
+    points: Float[np.ndarray, "points 3"],
+    triangles: Int[np.ndarray, "triangles 3"],
+    normals: Float[np.ndarray, "points 3"],
+) -> Bool[np.ndarray, " triangles"]:
+    """Whether triangles are folded or slivers."""
+    normal = triangle_normals(points, triangles)
+    outwards = normals[triangles].sum(axis=1)
+    size = np.linalg.norm(normal, axis=1) * np.linalg.norm(outwards, axis=1)
+    folded = np.einsum("tk,tk->t", normal, outwards) < _LEAST_COSINE * size
+    return folded | (triangle_qualities(points, triangles) < _LEAST_QUALITY)
 
 
 def subdivided(surface: Surface, times: int) -> Surface:
@@ -121,86 +184,6 @@ def _compact(points: Float[np.ndarray, "points 3"], triangles: np.ndarray) -> Su
     return Surface(points[used], renumbered.reshape(-1, 3))
 
 
-def _partners(
-    left: Surface, ends: Surface, borders: list[Int[np.ndarray, " _"]]
-) -> tuple[list[Int[np.ndarray, " _"]], Bool[np.ndarray, " ends"]]:
-    """The border of the rest along each border of the columns, and ends that find none."""
-    failed = np.zeros(len(ends.points), dtype=bool)
-    loops = border_loops(left.triangles)
-    if not loops:
-        failed[np.concatenate(borders)] = True
-        return [], failed
-    nearest = []
-    for border in borders:
-        # The border of the rest must run along all of this one.
-        ways = [KDTree(left.points[loop]).query(ends.points[border])[0].max() for loop in loops]
-        nearest.append(int(np.argmin(ways)))
-    for border, which in zip(borders, nearest, strict=True):
-        failed[border] |= nearest.count(which) > 1
-    return [loops[which] for which in nearest], failed
-
-
-def _only_with(
-    left: Surface, partners: list[Int[np.ndarray, " _"]]
-) -> tuple[Surface, list[Int[np.ndarray, " _"]]]:
-    """The patches of the rest that have a partner, and the partners in their numbering."""
-    graph = SurfaceGraph(left.triangles, len(left.points))
-    patch = graph.patches(np.arange(len(left.triangles)))
-    of_point = np.zeros(len(left.points), dtype=np.int64)
-    of_point[left.triangles] = patch[:, None]
-    kept = np.isin(patch, of_point[np.concatenate(partners)])
-    number = np.full(len(left.points), -1, dtype=np.int64)
-    used = np.unique(left.triangles[kept])
-    number[used] = np.arange(len(used))
-    surface = Surface(left.points[used], number[left.triangles[kept]])
-    return surface, [number[partner] for partner in partners]
-
-
-def _strip(
-    points: Float[np.ndarray, "points 3"], a: Int[np.ndarray, " a"], b: Int[np.ndarray, " b"]
-) -> Int[np.ndarray, "triangles 3"]:
-    """Triangles between two closed borders that run side by side; a has its patch to the left."""
-    distance, near = (np.asarray(part) for part in KDTree(points[b]).query(points[a]))
-    start = int(np.argmin(distance))
-    a, b = np.roll(a, -start), np.roll(b, -int(near[start]))
-    a, b = np.append(a, a[0]), np.append(b, b[0])
-    across = np.sum((points[a][:, None] - points[b][None]) ** 2, axis=2)
-    # Least sum from the first pair: best[i, j] = across[i, j] + min(best[i-1, j], best[i, j-1]).
-    best = np.cumsum(across, axis=1)
-    for i in range(1, len(a)):
-        along = np.cumsum(across[i])
-        best[i] = along + np.minimum.accumulate(best[i - 1] - along + across[i])
-    triangles = []
-    i, j = len(a) - 1, len(b) - 1
-    while i or j:
-        if j == 0 or (i and best[i - 1, j] <= best[i, j - 1]):
-            triangles.append((a[i], a[i - 1], b[j]))
-            i -= 1
-        else:
-            triangles.append((b[j - 1], b[j], a[i]))
-            j -= 1
-    return np.array(triangles)
-
-
-def _poor(
-    points: Float[np.ndarray, "points 3"],
-    strip: Int[np.ndarray, "triangles 3"],
-    border: Int[np.ndarray, " border"],
-    f: PointFunction,
-    field: SizeField,
-) -> Bool[np.ndarray, " border"]:
-    """Vertices of the border at which the strip is folded or too wide."""
-    corners = points[strip]
-    centre = corners.mean(axis=1)
-    normals = triangle_normals(points, strip)
-    slope = gradients(f, centre, step=_STEP)
-    size = np.linalg.norm(normals, axis=1) * np.linalg.norm(slope, axis=1)
-    folded = np.einsum("tk,tk->t", normals, slope) < _LEAST_COSINE * size
-    across = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    bad = strip[folded | (across > _LONGEST * size_at(field, centre))]
-    return np.isin(border, bad)
-
-
 def _remeshed(
     points: Float[np.ndarray, "points 3"],
     patch: Int[np.ndarray, "triangles 3"],
@@ -209,7 +192,10 @@ def _remeshed(
     field: SizeField,
     deviation: float,
 ) -> Stitched:
-    """The columns' ends and a patch beside them, brought to the size asked for."""
+    """The columns' ends and a patch beside them, brought to the size asked for.
+
+    Edges between two ends stay, also across a hole, so that as few triangles as can be close it.
+    """
     fixed = np.zeros(len(points), dtype=bool)
     fixed[border] = True
     edges = triangle_edges(patch).reshape(-1, 2)

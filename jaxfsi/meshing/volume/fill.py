@@ -25,6 +25,7 @@ from jaxfsi.meshing.surface.isosurface import Surface
 from jaxfsi.meshing.surface.remesh import volume_call
 from jaxfsi.meshing.surface.sizes import SizeField
 from jaxfsi.meshing.volume.layers import split_spanning_edges
+from jaxfsi.meshing.volume.relief import relieved
 
 _SAME_POINT = 1e-9
 
@@ -36,18 +37,30 @@ class Backend(NamedTuple):
         licence: of the library behind it.
         adapter: name of its file in `jaxfsi.meshing.native`.
         options: settings of its adapter.
+        few: settings of its adapter for tetrahedra without inner nodes where that goes.
     """
 
     licence: str
     adapter: str
     options: dict[str, object]
+    few: dict[str, object]
 
 
 BACKENDS: Mapping[str, Backend] = MappingProxyType(
     {
-        "netgen": Backend("LGPL-2.1", "fill_netgen", {"steps": 1, "grading": 0.4}),
-        "gmsh": Backend("GPL-2.0-or-later", "fill_gmsh", {"algorithm": 1}),
-        "tetgen": Backend("AGPL-3.0-or-later", "fill_tetgen", {"switches": "pq1.4/12YQ"}),
+        "netgen": Backend(
+            "LGPL-2.1",
+            "fill_netgen",
+            {"steps": 1, "grading": 0.4},
+            {"steps": 3, "grading": 1.0},
+        ),
+        "gmsh": Backend("GPL-2.0-or-later", "fill_gmsh", {"algorithm": 1}, {"algorithm": 1}),
+        "tetgen": Backend(
+            "AGPL-3.0-or-later",
+            "fill_tetgen",
+            {"switches": "pq1.4/12YQ"},
+            {"switches": "pq2.0/8YQ"},
+        ),
     }
 )
 
@@ -79,12 +92,15 @@ def backend_named(name: str) -> Backend:
     return BACKENDS[name]
 
 
-def fill_surfaces(surfaces: Sequence[Surface], backend: str = "netgen") -> list[Filling]:
+def fill_surfaces(
+    surfaces: Sequence[Surface], backend: str = "netgen", *, few: Sequence[bool] = ()
+) -> list[Filling]:
     """Fill closed surfaces with tetrahedra, side by side.
 
     Args:
         surfaces: closed, normals outwards.
         backend: ``netgen``, or ``gmsh`` or ``tetgen`` where they are installed.
+        few: for each surface whether as few tetrahedra as can be fill it; empty for none.
 
     Returns:
         For each surface its vertices in their order followed by inner nodes, and tetrahedra;
@@ -95,7 +111,10 @@ def fill_surfaces(surfaces: Sequence[Surface], backend: str = "netgen") -> list[
         MeshingError: the backend is not installed, or cannot fill a surface.
     """
     chosen = backend_named(backend)
-    calls = [native_call(chosen.adapter, surface._asdict(), chosen.options) for surface in surfaces]
+    calls = [
+        native_call(chosen.adapter, surface._asdict(), chosen.few if sparse else chosen.options)
+        for surface, sparse in zip(surfaces, few or [False] * len(surfaces), strict=True)
+    ]
     filled = run_all_isolated(calls)
     return [
         _checked(out, surface.points, backend)
@@ -108,13 +127,15 @@ def fill_complex(
 ) -> Filling:
     """Fill blood and wall of a complex and improve the tetrahedra by mmg3d.
 
-    Wedges are filled by three tetrahedra each, which stay as they are.
+    Wedges are filled by three tetrahedra each, which stay as they are. The wall beside them bends
+    by edges of its own (`jaxfsi.core.elements`), so that one layer of tetrahedra is enough there:
+    as few fill it as can be.
 
     Args:
         complex_: closed surfaces of both regions over shared points.
         field: element size.
         backend: what fills them.
-        layers: at least two layers of tetrahedra between any two surfaces.
+        layers: at least two layers of tetrahedra between any two surfaces; not beside wedges.
 
     Raises:
         MeshingError: a mesher fails or changes a surface.
@@ -123,41 +144,32 @@ def fill_complex(
     beside = unfilled_surface(complex_)
     if beside is not None:
         surfaces.append(beside)
-    filled = fill_surfaces([Surface(s.points, s.triangles) for s in surfaces], backend)
-    return improve(complex_, surfaces, filled, field, layers=layers)
-
-
-def improve(
-    complex_: Complex,
-    surfaces: Sequence[RegionSurface],
-    filled: Sequence[Filling],
-    field: SizeField,
-    *,
-    layers: bool,
-) -> Filling:
-    """Improve the tetrahedra of the regions by mmg3d, side by side, and join them.
-
-    Args:
-        complex_: both regions.
-        surfaces: of the blood and, unless wedges fill it, of the wall beside them.
-        filled: tetrahedra within each of them.
-        field: element size.
-        layers: at least two layers of tetrahedra between any two surfaces.
-
-    Raises:
-        MeshingError: mmg3d fails or changes a surface.
-    """
+    few = [False, len(complex_.wedges) > 0][: len(surfaces)]
+    filled = fill_surfaces([Surface(s.points, s.triangles) for s in surfaces], backend, few=few)
     calls = [
         volume_call(part.points, part.tets, surface.triangles, surface.label, field, layers=layers)
-        for part, surface in zip(filled, surfaces, strict=True)
+        for part, surface, sparse in zip(filled, surfaces, few, strict=True)
+        if not sparse
     ]
     improved = [
         _checked(out, surface.points, "mmg3d")
-        for out, surface in zip(run_all_isolated(calls), surfaces, strict=True)
+        for out, surface in zip(run_all_isolated(calls), surfaces, strict=False)
     ]
     if layers:
         improved = [_in_layers(part) for part in improved]
+    if any(few):
+        improved.append(_mended(complex_, surfaces[-1], filled[-1]))
     return _joined(complex_, surfaces, improved)
+
+
+def _mended(complex_: Complex, surface: RegionSurface, part: Filling) -> Filling:
+    """Tetrahedra beside wedges without flat ones; none has all its nodes at one wedge."""
+    number = np.full(len(complex_.points), -1, dtype=np.int64)
+    number[surface.nodes] = np.arange(len(surface.nodes))
+    sides = number[complex_.wedges][:, [[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]].reshape(-1, 4)
+    sides = np.unique(np.sort(sides[(sides >= 0).all(axis=1)], axis=1), axis=0)
+    points, tets = relieved(part.points, part.tets, surface.triangles, surface.label, barred=sides)
+    return _checked({"points": points, "tets": tets}, surface.points, "mmg3d")
 
 
 def _in_layers(part: Filling) -> Filling:

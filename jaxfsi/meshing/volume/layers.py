@@ -36,16 +36,22 @@ def split_spanning_edges(
         edges = edges[find_rows(edges, kept) < 0]
         if len(edges) == 0:
             return points, tets
-        points, tets = _split_some(points, tets, edges)
+        points, tets = split_edges(points, tets, edges)
         on_surface = np.concatenate([on_surface, np.zeros(len(points) - len(on_surface), bool)])
 
 
-def _split_some(
+def split_edges(
     points: Float[np.ndarray, "nodes 3"],
     tets: Int[np.ndarray, "tets 4"],
     edges: Int[np.ndarray, "edges 2"],
 ) -> tuple[Float[np.ndarray, "new 3"], Int[np.ndarray, "newtets 4"]]:
-    """Split those of the edges that are the longest of the given ones in all their tetrahedra."""
+    """Split those of the edges that are the longest of the given ones in all their tetrahedra.
+
+    Args:
+        points: nodes [cm].
+        tets: positively oriented.
+        edges: what may be split, each once, its nodes in rising order.
+    """
     length = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
     rank = np.empty(len(edges), dtype=np.int64)
     rank[np.argsort(-length, kind="stable")] = np.arange(len(edges))

@@ -79,6 +79,40 @@ def lumen_at(
     return area, minor
 
 
+def section_near(
+    mesh: Mesh,
+    anatomy: Anatomy,
+    place: Float[np.ndarray, " 3"],
+    moved: Float[np.ndarray, "nodes 3"],
+) -> tuple[float, float] | None:
+    """Distance from the ostium [cm] of the section of the artery at a place, and what it kept.
+
+    Args:
+        mesh: the mesh in its reference shape.
+        anatomy: its anatomy.
+        place: a point in the lumen in the reference shape [cm].
+        moved: displacement of the nodes [cm].
+
+    Returns:
+        Also the area of the section over that in the reference shape [-], nan where the deformed
+        lumen has none; None where the anatomy has no axis of the artery or the place lies beyond
+        its ends or outside of it.
+    """
+    line = anatomy.centerlines.get(ANOMALOUS)
+    if line is None:
+        return None
+    nearest = int(np.argmin(np.linalg.norm(line.points - place, axis=1)))
+    s = float(line.s[nearest])
+    centre, normal = centerline_point(line, s)
+    planes = Planes(np.array([s]), centre[None], normal[None])
+    before, _ = lumen_at(mesh, planes, np.zeros_like(mesh.points))
+    reach = float(np.sqrt(before[0]))
+    if nearest in (0, len(line.s) - 1) or not np.linalg.norm(place - centre) < 2.0 * reach:
+        return None
+    after, _ = lumen_at(mesh, planes, moved)
+    return s, float(after[0] / before[0])
+
+
 @dataclasses.dataclass(frozen=True)
 class LumenMotion:
     """Lumen and wall of an artery over the last cycle of a run.

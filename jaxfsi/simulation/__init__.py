@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         save_checkpoint,
     )
     from jaxfsi.simulation.chunk import Chunk, advance_chunk
+    from jaxfsi.simulation.collapse import COLLAPSED, Collapse, collapse
     from jaxfsi.simulation.field_series import FieldSeries
     from jaxfsi.simulation.observer import AbstractObserver
     from jaxfsi.simulation.record import StepHistory, mean_over, write_csv

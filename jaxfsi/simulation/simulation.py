@@ -25,6 +25,7 @@ from jaxfsi.simulation.checkpoint import (
     save_checkpoint,
 )
 from jaxfsi.simulation.chunk import Chunk, advance_chunk
+from jaxfsi.simulation.collapse import Collapse, collapse
 from jaxfsi.simulation.observer import AbstractObserver
 from jaxfsi.simulation.record import StepHistory, empty_record, joined
 from jaxfsi.simulation.step_control import (
@@ -101,11 +102,13 @@ class SimulationError(RuntimeError):
 
     Attributes:
         simulation: what was computed before.
+        collapse: where and when the lumen collapsed, if that is why.
     """
 
-    def __init__(self, message: str, simulation: Simulation):
+    def __init__(self, message: str, simulation: Simulation, collapse: Collapse | None = None):
         RuntimeError.__init__(self, message)
         self.simulation = simulation
+        self.collapse = collapse
 
 
 class SimulationInterrupted(KeyboardInterrupt):
@@ -159,8 +162,8 @@ def simulate(
         ValueError: a number is out of range.
         CheckpointError: the checkpoint belongs to another run, is damaged, or holds more steps;
             nothing was written.
-        SimulationError: a step failed at the smallest length; what was computed is inside, and in
-            the checkpoint up to the last whole chunk.
+        SimulationError: a step failed at the smallest length, or the lumen collapsed; what was
+            computed is inside, and in the checkpoint up to the last whole chunk.
         SimulationInterrupted: the run was interrupted; the steps up to its last whole chunk are
             inside and in the checkpoint, and the observers are back there.
     """
@@ -201,7 +204,7 @@ def simulate(
             save_checkpoint(checkpoint, run, run_hash, numerics)
         if isinstance(stop_of_run, StepFailure):
             kept = Simulation(reached.state, reached.record, reached.events, resumed)
-            raise SimulationError(str(stop_of_run), kept) from None
+            raise SimulationError(str(stop_of_run), kept, stop_of_run.collapse) from None
         _restore(observers, run.position.tick // whole, run)
         kept = Simulation(run.state, run.record, run.events, resumed)
         raise SimulationInterrupted(kept) from None
@@ -209,7 +212,15 @@ def simulate(
 
 
 class StepFailure(RuntimeError):
-    """A step failed at the smallest length."""
+    """A step failed at the smallest length.
+
+    Attributes:
+        collapse: see `SimulationError`.
+    """
+
+    def __init__(self, message: str, collapse: Collapse | None):
+        RuntimeError.__init__(self, message)
+        self.collapse = collapse
 
 
 def _check(
@@ -293,10 +304,7 @@ def _advanced(
     if failed:
         event = _event(end, n_good, before, stepper, control)
         if before.level == control.max_halvings:
-            raise StepFailure(
-                f"Step {int(event['step']) + 1} failed at t = {event['t_s']:.6g} s, also with a"
-                f" step of {event['dt_s']:.3g} s. {event['cause']}"
-            )
+            raise _failure(event, model, end)
         events = [*events, event]
     largest = float(np.max(record.change[len(record.change) - n_good :], initial=0.0))
     after = after_steps(n_good, failed or bool(end.coarse), largest, before, control)
@@ -351,6 +359,19 @@ def _event(
         "dt_s": float(stepper.dt),
         "cause": RESULTS[end.result],
     }
+
+
+def _failure(event: dict[str, Any], model: Model, end: Chunk) -> StepFailure:
+    """The failure of a step at the deepest level."""
+    inverted = bool(end.result == RESULTS.inverted)
+    found = collapse(model, end.state) if inverted else None
+    if found is not None:
+        return StepFailure(found.sentence, found)
+    return StepFailure(
+        f"Step {int(event['step']) + 1} failed at t = {event['t_s']:.6g} s, also with a step of"
+        f" {event['dt_s']:.3g} s. {event['cause']}",
+        None,
+    )
 
 
 def _progress_record(

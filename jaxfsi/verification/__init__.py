@@ -15,9 +15,11 @@ The exact solutions are written out by hand from the equations and share no code
 | `walls` | bending strip, squeezed ring, thick tube | converged solutions, Lame |
 | `shells` | thin shells in large rotations | Sze, Liu & Lo 2004 |
 | `prestressed_pipe` | a pipe that carries a pressure undeformed | Lamé |
+| `closing_slit` | a slit whose area halves | none: elements stay valid |
 | `coupled_tube` | a small tube with everything | `volume_balance`, `derivatives` |
 """
 
+from jaxfsi.verification.closing_slit import SlitShape, slit_mesh, slit_model, slit_shape
 from jaxfsi.verification.coupled_tube import (
     TubeParameters,
     coupled_mesh,

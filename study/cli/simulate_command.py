@@ -4,7 +4,6 @@ import dataclasses
 import pathlib
 
 from jaxfsi.simulation.cycles import inlet_of
-from study.case.anatomy import MeshAnatomy
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
@@ -12,7 +11,7 @@ from study.report.page import simulation_report
 from study.report.pictures import Drawn, embedded_pictures, write_simulation_pictures
 from study.report.simulation_pictures import draw_simulation
 from study.report.simulation_results import simulation_document
-from study.run.anatomy_source import case_anatomy
+from study.run.lumen_collapse import anatomy_of
 from study.run.mesh import chosen_state, mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
 from study.run.progress import Progress
@@ -58,9 +57,9 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
             if aside is not None:
                 note(f"moved the earlier run to {aside}")
         progress.step(STEP_NAME)
-        outcome = run_simulation(case, setup, folder, progress)
+        outcome = run_simulation(case, setup, folder, progress, state=state)
         progress.step("drawing")
-        anatomy = None if isinstance(case.anatomy, MeshAnatomy) else case_anatomy(case, state)
+        anatomy = anatomy_of(case, state)
         inlet = inlet_of(outcome.record, setup.model.names)
         series = folder / SERIES_FILE
         drawn = Drawn(*draw_simulation(series, setup.mesh, anatomy, inlet, schedule.period))

@@ -120,7 +120,9 @@ def study_verdict(result: StudyResult) -> str:
         f" with alpha = {loop.alpha:.4g}."
     )
     readings = study_readings(result)
-    return f"{headline(readings, what='FFR in 3D')} {rest}" if readings else rest
+    first = [headline(readings, what="FFR in 3D")] if readings else []
+    closed = [f"{name}: {text}" for name, text in result.collapsed.items()]
+    return " ".join([*first, *closed, rest])
 
 
 def study_readings(result: StudyResult) -> list[Reading]:
@@ -271,6 +273,8 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
                 f"{run.folder}: {run.repeated} steps failed and were repeated with smaller ones",
             )
         yield from _aortic_flow(run, result.case.windkessel)
+    for name, text in result.collapsed.items():
+        yield "warning", f"{name} has no ratio: {text}"
     for name, reason in result.failures.items():
         yield "warning", f"{name} could not be differentiated: {reason}"
     for law, reason in result.reduced.failures.items():

@@ -1,5 +1,6 @@
 """The document of the command `simulate`."""
 
+import dataclasses
 import pathlib
 
 import numpy as np
@@ -15,6 +16,7 @@ from study.case.model import Case
 from study.report.chosen_laws import chosen_laws
 from study.report.documents.parts import Note
 from study.report.documents.simulate import (
+    CollapseNumbers,
     FailedStep,
     PortNumbers,
     ShearNumbers,
@@ -27,7 +29,7 @@ from study.report.pictures import Drawn
 from study.run.simulation import solver_choice
 from study.run.simulation_data import Outcome, Setup
 from study.store.document_rows import ratio_name
-from study.store.json_form import ABSENT, from_json
+from study.store.json_form import ABSENT, Absent, from_json
 from study.store.layouts import FORMAT
 from study.store.provenance import Provenance
 from study.store.result_files import SERIES_FILE
@@ -63,6 +65,7 @@ def simulation_document(
         ffr=ratio if name == "ffr" else ABSENT,
         measured=case.conditions[condition].ffr,
         failure=outcome.failure,
+        collapse=_collapse(outcome),
         interrupted=outcome.interrupted,
         notes=_notes(case, condition, setup, outcome, cycles),
         period_s=plan.period,
@@ -89,6 +92,11 @@ def _ports(model: Model) -> dict[str, PortNumbers]:
     """Kind and parameters of each opening."""
     ports = zip(model.names, model.ports, strict=True)
     return {name: port.summary() for name, port in ports if is_opening(name)}
+
+
+def _collapse(outcome: Outcome) -> CollapseNumbers | Absent:
+    found = outcome.collapse
+    return ABSENT if found is None else CollapseNumbers(**dataclasses.asdict(found))
 
 
 def _shear(means: ShearMeans | None) -> ShearNumbers | None:
@@ -135,6 +143,9 @@ def _notes(
     notes = []
     if outcome.failure:
         notes.append(("warning", outcome.failure))
+    if outcome.collapse is not None:
+        text = f"{outcome.collapse.sentence} The run ends there; what was before is kept."
+        notes.append(("warning", text))
     if outcome.interrupted:
         notes.append(("warning", "the run was interrupted; the same command goes on with it"))
     if not any(cycle.complete for cycle in cycles):

@@ -36,7 +36,7 @@ from study.run.progress import Progress
 from study.run.ramp import ramp_record
 from study.run.reduced_results import CaseResult
 from study.run.results import PlannedRun, Run3D, RunId, calibrated_runs
-from study.run.run_3d import fsi_run, run_key
+from study.run.run_3d import LumenCollapsed, fsi_run, run_key
 from study.run.run_context import RunContext
 from study.run.sensitivity import run_sensitivity
 from study.run.setup import STEP
@@ -80,7 +80,8 @@ def run_study(
     reduced = run_case(context.case)
     loop, runs = _calibrated(context, choice, reduced)
     best = runs[loop.best]
-    runs += _stressed(context, choice, best)
+    stressed, collapsed = _stressed(context, choice, best)
+    runs += stressed
     shown = calibrated_runs(runs, best.id)
     progress.step("measuring the lumen")
     motion = {} if anatomy is None else _motion(context, anatomy, shown)
@@ -99,6 +100,7 @@ def run_study(
         motion=motion,
         sensitivities=found,
         failures=failures,
+        collapsed=collapsed,
         computed=computed_parts(context, [run.id for run in runs], list(found)),
     )
 
@@ -193,8 +195,10 @@ def _ratio(run: Run3D) -> float:
     return run.ratio
 
 
-def _stressed(context: RunContext, choice: StudyChoice, best: Run3D) -> list[Run3D]:
-    """Runs under stress, and those with the nominal outlet.
+def _stressed(
+    context: RunContext, choice: StudyChoice, best: Run3D
+) -> tuple[list[Run3D], dict[str, str]]:
+    """Runs under stress, and those with the nominal outlet; by id those that ended in a collapse.
 
     Args:
         context: see `RunContext`.
@@ -204,11 +208,15 @@ def _stressed(context: RunContext, choice: StudyChoice, best: Run3D) -> list[Run
     nominal = PlannedRun(RunId(NOMINAL, "rest"), 1.0)
     starts = {LOOP: best.planned, NOMINAL: nominal}
     runs = [_told_run(context, nominal)] if choice.nominal else []
+    collapsed: dict[str, str] = {}
     for label, condition, rule in _stress_names(context.case, choice):
         before = starts[label] if choice.run.continued else None
         planned = PlannedRun(RunId(label, condition, rule), starts[label].alpha)
-        runs.append(_told_run(context, planned, before))
-    return runs
+        try:
+            runs.append(_told_run(context, planned, before))
+        except LumenCollapsed as end:
+            collapsed[planned.id.name] = str(end)
+    return runs, collapsed
 
 
 def _sensitivities(

@@ -29,6 +29,10 @@ from study.store.stages import stage_key
 _MOST_SAMPLES = 400
 
 
+class LumenCollapsed(RuntimeError):
+    """The lumen collapsed, which ended a run; says when and where."""
+
+
 def run_key(context: RunContext, run: PlannedRun, before: PlannedRun | None = None) -> str:
     """Hash of all that a run follows from.
 
@@ -62,6 +66,7 @@ def fsi_run(context: RunContext, run: PlannedRun, *, before: PlannedRun | None =
         before: a run at rest whose end it starts from; None: its own periodic state in 0D.
 
     Raises:
+        LumenCollapsed: the lumen collapsed before the run was over.
         RuntimeError: a step failed; cause and cure.
         KeyboardInterrupt: the user interrupted it; the checkpoint is kept.
     """
@@ -94,6 +99,7 @@ def finished_run(context: RunContext, folder: str, key: str, setup: Setup) -> Ou
     """A run that went to its end.
 
     Raises:
+        LumenCollapsed: the lumen collapsed.
         RuntimeError: a step failed.
         KeyboardInterrupt: the user interrupted it.
     """
@@ -104,6 +110,8 @@ def finished_run(context: RunContext, folder: str, key: str, setup: Setup) -> Ou
             f"interrupted in the run {folder}; what was computed is in {context.folder}. "
             "Give the same command again to go on."
         )
+    if outcome.collapse is not None:
+        raise LumenCollapsed(f"{outcome.collapse.sentence} What was computed before is in {place}.")
     if outcome.failure:
         raise RuntimeError(
             f"The run {folder} ended early. {outcome.failure} What was computed before is in "

@@ -28,6 +28,7 @@ from lumped import ML_PER_MIN, MMHG
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.parameters import SolverOptions
+from study.run.lumen_collapse import anatomy_of, located
 from study.run.progress import Progress
 from study.run.simulation_data import Outcome, Schedule, Setup
 from study.store.result_files import CHECKPOINT_FILE, FIELD_FOLDER, HISTORY_FILE, SHEAR_FILE
@@ -54,14 +55,17 @@ def solver_choice(options: SolverOptions) -> SolverChoice:
     return dataclasses.replace(choice, tolerance=options.tolerance)
 
 
-def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Progress) -> Outcome:
-    """Run a model to its end, or to the step that fails, or until the user interrupts it.
+def run_simulation(
+    case: Case, setup: Setup, folder: pathlib.Path, progress: Progress, *, state: str | None = None
+) -> Outcome:
+    """Run a model to its end, to the step that fails, to a collapse, or until it is interrupted.
 
     Args:
         case: the case.
         setup: see `prepare_simulation`.
         folder: where files go; made if needed.
         progress: told of each chunk.
+        state: of the anatomy that was meshed; None: the first.
 
     Raises:
         CaseError: the folder holds a run of another input, a longer one, or a damaged checkpoint;
@@ -97,7 +101,12 @@ def run_simulation(case: Case, setup: Setup, folder: pathlib.Path, progress: Pro
         )
     except SimulationError as error:
         kept = error.simulation
-        found = Outcome(kept.record, kept.events, kept.resumed_from, shear.means(), 0.0, str(error))
+        found = Outcome(kept.record, kept.events, kept.resumed_from, shear.means(), 0.0)
+        if error.collapse is None:
+            found = found._replace(failure=str(error))
+        else:
+            shape = anatomy_of(case, state)
+            found = found._replace(collapse=located(error.collapse, setup.mesh, shape))
     except SimulationInterrupted as stop:
         kept = stop.simulation
         if not kept.record.n_steps:

@@ -84,6 +84,38 @@ class Setup:
     schedule: Schedule
 
 
+@dataclasses.dataclass(frozen=True)
+class LumenCollapse:
+    """Where and when a lumen collapsed.
+
+    Attributes:
+        t_s: end of the last good step.
+        point_mm: middle of the element of blood with the least part of its volume, deformed.
+        from_ostium_mm: its distance from the ostium along the anomalous artery; None elsewhere.
+        area_share: area of the lumen across the artery there over that of the image [-]; None
+            where it is not known.
+        volume_share: volume of that element over that in the image [-].
+    """
+
+    t_s: float
+    point_mm: list[float]
+    from_ostium_mm: float | None
+    area_share: float | None
+    volume_share: float
+
+    @property
+    def sentence(self) -> str:
+        """What happened."""
+        point = ", ".join(f"{x:.1f}" for x in self.point_mm)
+        place = f"at ({point}) mm"
+        if self.from_ostium_mm is not None:
+            place = f"{self.from_ostium_mm:.1f} mm from the ostium, {place}"
+        kept = f"an element of the blood there kept {100.0 * self.volume_share:.1f} % of its volume"
+        if self.area_share is not None:
+            kept = f"its area there had fallen to {100.0 * self.area_share:.0f} % of the image's"
+        return f"The lumen collapsed at t = {self.t_s:.4g} s, {place}: {kept}."
+
+
 class Outcome(NamedTuple):
     """What a run left.
 
@@ -93,11 +125,12 @@ class Outcome(NamedTuple):
         resumed_from: whole step that it went on from; None for a fresh run.
         shear: wall shear stress of the last cycle; None before two looks.
         seconds: time that the run took, compiling included [s].
-        failure: why it ended early; None where it did not.
+        failure: why it ended early by a fault of the computation; None where it did not.
         interrupted: whether the user ended it.
         state: at its end; None where it did not get there.
         pace: time of a whole step, output included and compiling left out [s]; None where too few
             were taken to tell.
+        collapse: where and when the lumen collapsed, which ended the run; None where it did not.
     """
 
     record: StepHistory
@@ -109,3 +142,4 @@ class Outcome(NamedTuple):
     interrupted: bool = False
     state: State | None = None
     pace: float | None = None
+    collapse: LumenCollapse | None = None

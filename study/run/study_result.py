@@ -32,6 +32,7 @@ class StudyResult:
         motion: lumen and wall over a cycle, by id of the run.
         sensitivities: what moves the ratio of a run, by id of the run.
         failures: why a run has none, by the same.
+        collapsed: when and where the lumen collapsed, by id of the run under stress that it ended.
         computed: when each part was computed, and by which code.
     """
 
@@ -48,6 +49,7 @@ class StudyResult:
     motion: dict[str, MotionPart]
     sensitivities: dict[str, Sensitivity]
     failures: dict[str, str]
+    collapsed: dict[str, str]
     computed: Computed
 
     @property

@@ -73,7 +73,8 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "reading": (
         "jaxfsi/fields/*", "jaxfsi/opening.py", "jaxfsi/simulation/cycles.py",
-        "study/run/driven_beat.py", "study/run/fitted_ramp.py", "study/run/lumen_parts.py",
+        "study/run/driven_beat.py", "study/run/fitted_ramp.py", "study/run/lumen_collapse.py",
+        "study/run/lumen_parts.py",
         "study/run/ramp.py", "study/run/study_choice.py", "study/run/study_parts.py",
         "study/run/results.py", "study/run/run_3d.py", "study/run/run_context.py",
         "study/run/simulation_data.py", "study/report/simulation_pictures.py",

@@ -181,11 +181,13 @@ def bent(*, bend_radius: float) -> PointMap:
     return bend
 
 
-def elliptic(*, axis_ratio: float) -> PointMap:
+def elliptic(*, axis_ratio: float, radius: float | None = None) -> PointMap:
     """Map that turns circles about z into ellipses of the same area, long axis along x.
 
     Args:
-        axis_ratio: major over minor axis, 1 or more; the wall is scaled with the lumen.
+        axis_ratio: major over minor axis, 1 or more.
+        radius: of the lumen, outside of which points keep their distance from it along its normal,
+            so that the wall keeps its thickness [cm]; None: the wall is scaled with the lumen.
     """
     if not axis_ratio >= 1.0:
         raise ValueError(
@@ -194,7 +196,15 @@ def elliptic(*, axis_ratio: float) -> PointMap:
     stretch = np.array([np.sqrt(axis_ratio), 1.0 / np.sqrt(axis_ratio), 1.0])
 
     def squeeze(points: Float[np.ndarray, "points 3"]) -> Float[np.ndarray, "points 3"]:
-        return points * stretch
+        if radius is None:
+            return points * stretch
+        axis = points * np.array([1.0, 1.0, 0.0])
+        distance = np.linalg.norm(axis, axis=1, keepdims=True)
+        outside = np.maximum(distance - radius, 0.0)
+        outwards = axis / stretch
+        outwards /= np.maximum(np.linalg.norm(outwards, axis=1, keepdims=True), 1e-300)
+        inside = points - outside * axis / np.maximum(distance, 1e-300)
+        return inside * stretch + outside * outwards
 
     return squeeze
 

@@ -97,6 +97,26 @@ class FailedStep:
 
 
 @dataclasses.dataclass(frozen=True)
+class CollapseNumbers:
+    """Where and when the lumen collapsed, which ended the run.
+
+    Attributes:
+        t_s: end of the last good step.
+        point_mm: middle of the element of blood with the least part of its volume, deformed.
+        from_ostium_mm: its distance from the ostium along the anomalous artery; None elsewhere.
+        area_share: area of the lumen across the artery there over that of the image [-]; None
+            where it is not known.
+        volume_share: volume of that element over that in the image [-].
+    """
+
+    t_s: float
+    point_mm: list[float]
+    from_ostium_mm: float | None
+    area_share: float | None
+    volume_share: float
+
+
+@dataclasses.dataclass(frozen=True)
 class SimulatedHistory:
     """Pressures, flows and effort by step, or by every so-manieth where there are many.
 
@@ -140,7 +160,8 @@ class SimulateDocument:
             without a whole cycle.
         ffr: the same in another condition [-].
         measured: measured ratio of the condition [-].
-        failure: why the run ended early; None where it did not.
+        failure: why the run ended early by a fault of the computation; None where it did not.
+        collapse: where and when the lumen collapsed, which ended the run; absent where it did not.
         interrupted: whether the user ended it.
         notes: what looks wrong or needs care.
         period_s: length of a cycle.
@@ -174,6 +195,7 @@ class SimulateDocument:
     ffr: float | Absent | None = ABSENT
     measured: float | None
     failure: str | None
+    collapse: CollapseNumbers | Absent = ABSENT
     interrupted: bool
     notes: list[Note]
     period_s: float

@@ -13,6 +13,7 @@ import pyvista as pv
 import jaxfsi.simulation.simulation as simulation
 import study.run.mesh as mesh_case
 import study.run.simulation as simulation_run
+from jaxfsi.core.step.step import RESULTS
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from lumped import MMHG
@@ -25,6 +26,7 @@ from study.run.setup import (
     plan_steps,
     prepare_simulation,
 )
+from study.run.simulation_data import LumenCollapse
 from study.store.earlier_run import clear_run
 
 CASE = """\
@@ -327,6 +329,44 @@ def test_failed_run_keeps_what_it_has(case_file, command, tmp_path, monkeypatch)
     assert "no longer finite" in document["failure"]
     assert document["solver"]["steps_done"] == 20
     assert len(document["events"]) == 4
+
+
+def test_collapse_is_a_result_with_time_and_place(case_file, command, tmp_path, monkeypatch):
+    advance = simulation.advance_chunk
+
+    def spoil(model, state, *rest):
+        if not float(state.t) > 0.03:
+            return advance(model, state, *rest)
+        end = advance(model, state._replace(u=state.u * np.nan), *rest)
+        flat = model.x.at[jax.numpy.array([0, 2])].set(0.0) * -0.9
+        pressed = state._replace(d_mesh=jax.numpy.where(model.in_fluid, flat, 0.0))
+        return end._replace(state=pressed, result=RESULTS.inverted)
+
+    monkeypatch.setattr(simulation, "advance_chunk", spoil)
+    found = command("simulate", case_file, "--rigid", "--cycles", "0.1", folder=tmp_path)
+    assert found.status == 0, found.stderr
+    document = found.written("simulation.json")
+    assert document["failure"] is None
+    assert document["solver"]["steps_done"] == 20
+    assert document["collapse"]["t_s"] == pytest.approx(0.04)
+    assert document["collapse"]["volume_share"] == pytest.approx(0.1)
+    # the case names a finished mesh, which has no axis
+    assert document["collapse"]["from_ostium_mm"] is None
+    text = "The lumen collapsed at t = 0.04 s, at ("
+    assert any(note["text"].startswith(text) for note in document["notes"])
+    assert text in (tmp_path / "simulation.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("place", "area", "words"),
+    [
+        (6.25, 0.118, "6.2 mm from the ostium, at (1.0, 2.0, 3.0) mm: its area there had fallen"),
+        (None, None, "at (1.0, 2.0, 3.0) mm: an element of the blood there kept 4.0 % of"),
+    ],
+)
+def test_collapse_is_told_in_a_sentence(place, area, words):
+    told = LumenCollapse(0.2, [1.0, 2.0, 3.0], place, area, 0.04).sentence
+    assert told.startswith(f"The lumen collapsed at t = 0.2 s, {words}")
 
 
 def test_blocks_start_in_the_periodic_state(case_file):

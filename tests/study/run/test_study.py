@@ -15,8 +15,9 @@ import study.run.mesh as mesh_case
 import study.run.run_3d as run_3d
 from calibration import RATIO_TOLERANCE
 from jaxfsi.simulation import StepHistory
+from jaxfsi.simulation.record import empty_record
 from lumped import MMHG, PressureSource, Shooting, Vessel, connect, solve_periodic
-from study.run.simulation_data import Outcome
+from study.run.simulation_data import LumenCollapse, Outcome
 
 A, B = 500.0, 1200.0  # of the ramp
 MORE = 1.25  # the loss of a beating artery over that of the ramp
@@ -38,11 +39,15 @@ class _March:
     def __init__(self):
         self.folders = []
         self.stop_in = None
+        self.close_in = ""
 
     def __call__(self, case, setup, folder, progress):
         self.folders.append(folder.name)
         if folder.name == self.stop_in:
             raise KeyboardInterrupt
+        if folder.name == self.close_in:
+            collapse = LumenCollapse(0.31, [1.0, 2.0, 3.0], 6.2, 0.12, 0.04)
+            return Outcome(empty_record(3), [], None, None, 0.0, collapse=collapse)
         plan, names = setup.schedule, setup.model.names
         t = plan.dt * np.arange(1, plan.n_steps + 1)
         if not setup.outlets.blocks:  # the ramp
@@ -172,6 +177,23 @@ def test_interrupted_study_ends_with_the_same_numbers(outcome, folder, run, marc
     assert march.folders == ["nominal-exercise-all"]
     for part in ("ramp", "loop", "rows", "runs"):
         assert whole.json[part] == outcome.json[part], part
+
+
+@pytest.mark.slow
+def test_collapse_under_stress_is_a_result(outcome, run, march):
+    march.close_in = "loop-exercise-printed"
+    found = run("closed", "--rules", "printed,all")
+    march.close_in = ""
+    assert found.status == 0, found.stderr
+    assert (
+        "loop-exercise-printed: The lumen collapsed at t = 0.31 s, 6.2 mm" in found.json["verdict"]
+    )
+    assert any("fallen to 12 % of" in note["text"] for note in found.json["notes"])
+    ids = [r["id"] for r in found.json["runs"]]
+    assert "loop-exercise-printed" not in ids
+    # what does not collapse is as it was
+    kept = {r["id"]: r["ratio"] for r in outcome.json["runs"]}
+    assert found.json["runs"][-1]["ratio"] == kept["loop-exercise-all"]
 
 
 @pytest.mark.slow

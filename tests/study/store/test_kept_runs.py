@@ -65,7 +65,7 @@ def march(monkeypatch, context):
         else:
             seen.marched += 1
             (folder / CHECKPOINT_FILE).write_text("state")
-        return types.SimpleNamespace(interrupted=False, failure=None)
+        return types.SimpleNamespace(interrupted=False, failure=None, collapse=None)
 
     def read(*_):
         seen.read += 1

@@ -79,15 +79,5 @@ if TYPE_CHECKING:
         synthetic_record,
         vessel_residuals,
     )
-    from calibration.wall_stiffness import (
-        LoadedWall,
-        MotionData,
-        WallStiffness,
-        fit_stiffness,
-        free_stiffness,
-        loaded_wall,
-        misfit,
-        stiffness_interval,
-    )
 
 import_on_first_use(__name__)

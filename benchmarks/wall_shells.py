@@ -30,7 +30,7 @@ _CASES = (
 )
 
 NOTES = [
-    "found, reference: deflection of a thin shell at the full load; the reference of Sze, Liu & Lo"
+    "Shells: deflection at the full load; the reference of Sze, Liu & Lo"
     " 2004 is that of Abaqus S4R on fine meshes, of the moment the exact one. order: of the"
     " differences between three meshes.",
     "Hemisphere at half the load (outward, inward), Abaqus manual, 3DNLG-9, one nodal spacing for"

@@ -12,7 +12,7 @@ The exact solutions are written out by hand from the equations and share no code
 | `windkessel_tube` | a rigid tube into a Windkessel | closed form; histories of other codes |
 | `elastic_tube` | sinusoidal wave in an elastic tube | `womersley.wave_number` |
 | `tube_wave` | a pulse in an elastic tube | fields and displacement of other codes |
-| `walls` | bending strip, squeezed ring, thick tube | converged solutions, Lame |
+| `walls` | bending strip, squeezed ring, thick tube, slit | converged solutions, Lame |
 | `shells` | thin shells in large rotations | Sze, Liu & Lo 2004 |
 | `prestressed_pipe` | a pipe that carries a pressure undeformed | Lamé |
 | `closing_slit` | a slit whose area halves | none: elements stay valid |
@@ -46,12 +46,15 @@ from jaxfsi.verification.tube_wave import (
 from jaxfsi.verification.volume_balance import keep_books, volume_errors, wet_wall
 from jaxfsi.verification.walls import (
     RING_WORK,
+    SLIT_WIDENING,
     STRIP_WORK,
     WallProblem,
     axial_strain,
     clamped_strip,
     lame_displacement,
+    pressurised_slit,
     radial_displacement,
+    slit_widening,
     squeezed_ring,
     thick_tube,
     work,

@@ -243,18 +243,18 @@ def _wall_response(
     interface: Bool[np.ndarray, " nodes"],
 ) -> Float[np.ndarray, " nodes"]:
     """Volume flow that a uniform unit pressure presses into the wall at each interface node."""
-    nodes = np.asarray(wall.vertex_nodes)
+    nodes = np.asarray(wall.nodes)
     if not len(nodes):
         return np.zeros(len(interface))
     ones = np.ones(len(interface))
     push = -np.stack([G @ ones for G in blocks.G])
+    if mid_edge is not None:
+        push = push - np.asarray(mid_edge.load(jnp.asarray(ones)))
     velocity = np.zeros_like(push)
     if wall.smoother is None:
-        solved = nested_solve_once(wall.vertices, push[:, nodes].T.ravel())
+        solved = nested_solve_once(wall.direct, push[:, nodes].T.ravel())
         velocity[:, nodes] = solved.reshape(-1, 3).T
     else:
-        if mid_edge is not None:
-            push = push - np.asarray(mid_edge.load(jnp.asarray(ones)))
         velocity = np.asarray(_yielding(wall, jnp.asarray(push, wall.smoother.free.dtype)), float)
     response = sum(D @ v for D, v in zip(blocks.D, velocity, strict=True))
     if mid_edge is not None:

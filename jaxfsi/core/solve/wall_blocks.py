@@ -114,6 +114,27 @@ def _tet_vertices(model: Model, weights: Weights) -> sp.csr_matrix:
     return assembled_vector(e.tets, values, model.n_nodes)
 
 
+def mid_edge_block(model: Model, weights: Weights) -> sp.csr_matrix:
+    """What mid-edge modes add to `vertex_block`, among themselves and with the vertices.
+
+    Resistance to changes of volume acts in the elements, as in the block of the vertices.
+    """
+    e = _elements(model, weights).coarse
+    nodes, n = _unknowns(model), 3 * model.n_nodes
+    values = np.zeros((len(nodes), 10, 3, 10, 3))
+    for g in range(4):
+        point = HostGeometry(_slopes(e.shape.grad, g), e.shape.volume / 4.0)
+        values += isotropic_stiffness(point, e.lam, e.G)
+    for i in range(3):
+        values[:, :, i, :, i] += e.mass[:, None, None] * _MASS
+    values[:, :4, :, :4] = 0.0
+    unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(-1, 30)
+    rows, columns = np.repeat(unknowns, 30, axis=1), np.tile(unknowns, (1, 30))
+    block = sp.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), shape=(n, n))
+    block.eliminate_zeros()
+    return block
+
+
 def edge_blocks(model: Model, weights: Weights) -> Float[np.ndarray, "edges 3 3"]:
     """Blocks of the edges' unknowns on the diagonal of the matrix."""
     if model.wall is None or model.n_nodes == model.n_vertices:
@@ -175,17 +196,14 @@ def _diagonal_blocks(
         basis: weights of the ten hierarchical functions in the ten functions of each element.
         e: its elements.
     """
-    element = _of_tets(model)[1]
-    assert isinstance(element, QuadraticElement)
-    nodes = np.concatenate([e.tets, np.asarray(element.edges).T], axis=1)
+    nodes = _unknowns(model)
     grad, V = e.shape
     mass = e.mass[:, None] * np.sum(basis @ _MASS * basis, axis=2)
     values = mass[:, :, None, None] * np.eye(3)
     measured = np.zeros((len(V), 4, 10, 3))
     for g in range(4):
         at = np.where(np.arange(4) == g, NEAR, FAR)
-        bows = [4.0 * (at[a] * grad[:, b] + at[b] * grad[:, a]) for a, b in EDGES]
-        slope = basis @ np.concatenate([grad, np.stack(bows, axis=1)], axis=1)
+        slope = basis @ _slopes(grad, g)
         outer = np.einsum("eni,enj->enij", slope, slope)
         square = np.einsum("enii->en", outer)[:, :, None, None] * np.eye(3)
         moduli = [(V / 4.0 * m)[:, None, None, None] for m in (e.lam + e.G, e.G)]
@@ -200,6 +218,20 @@ def _diagonal_blocks(
     vertex, node = np.divmod(pair, model.n_nodes)
     np.add.at(blocks, node, np.einsum("p,ip,jp->pij", e.spread[vertex], b, b))
     return blocks
+
+
+def _unknowns(model: Model) -> Int[np.ndarray, "tets 10"]:
+    """Vertices and edges of the quadratic elements."""
+    element = _of_tets(model)[1]
+    assert isinstance(element, QuadraticElement)
+    return np.concatenate([np.asarray(element.tets), np.asarray(element.edges)]).T
+
+
+def _slopes(grad: Float[np.ndarray, "tets 4 3"], g: int) -> Float[np.ndarray, "tets 10 3"]:
+    """Gradients of the ten hierarchical functions at quadrature point g."""
+    at = np.where(np.arange(4) == g, NEAR, FAR)
+    bows = [4.0 * (at[a] * grad[:, b] + at[b] * grad[:, a]) for a, b in EDGES]
+    return np.concatenate([grad, np.stack(bows, axis=1)], axis=1)
 
 
 def _quadratic_mass() -> Float[np.ndarray, "10 10"]:

@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from jaxfsi.core.elements.bending import BendingElement
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
-from jaxfsi.core.solve.wall_blocks import edge_blocks, edge_ends, nodal_blocks, vertex_block
+from jaxfsi.core.solve.wall_blocks import (
+    edge_blocks,
+    edge_ends,
+    mid_edge_block,
+    nodal_blocks,
+    vertex_block,
+)
 from jaxfsi.core.solve.wall_factor import (
     wall_factor,
     wall_free,
@@ -58,7 +65,9 @@ def problem(request):
     n, ends = model.n_vertices, edge_ends(model)
     inner = np.flatnonzero(~np.any(np.asarray(model.prescribed)[ends], axis=0))
     model = eqx.tree_at(lambda m: m.prescribed, model, model.prescribed.at[n + inner[0]].set(True))
-    factor = wall_factor(_of_vertices(model), model, WEIGHTS, dtype=np.float64)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("jaxfsi.core.solve.wall_factor._MOST_FACTORED", 0)
+        factor = wall_factor(_of_vertices(model), model, WEIGHTS, dtype=np.float64)
     free = np.flatnonzero(wall_free(factor))
 
     def product(flat):
@@ -116,6 +125,35 @@ def test_vertices_are_the_linear_part_of_the_product_where_nothing_is_averaged(p
     else:
         assert np.trace(coarse) == pytest.approx(np.trace(part), rel=0.5)
         assert not np.allclose(coarse, part, rtol=0.01, atol=0.01 * np.max(part))
+
+
+def test_whole_block_is_the_product_where_nothing_is_averaged(problem):
+    """λ = 1.5 G at ν = 0.3; beyond, a part of the averages acts in the elements."""
+    model, n = problem.model, len(problem.free)
+    whole = _of_vertices(model) + mid_edge_block(model, WEIGHTS)
+    unknowns = (3 * problem.free + np.arange(3)[:, None]).ravel()
+    found = whole[unknowns][:, unknowns].toarray()
+    if model.wall.material.nu == 0.3:
+        assert np.allclose(found, problem.A, rtol=1e-10, atol=1e-10 * np.max(problem.A))
+    else:
+        assert np.linalg.eigvalsh(found)[0] > 0.0
+        assert np.trace(found) == pytest.approx(np.trace(problem.A), rel=0.5)
+    assert found.shape == (3 * n, 3 * n)
+
+
+def test_wall_that_bends_is_factored_with_its_mid_edge_modes(problem):
+    """At ν = 0.3 its factor is the inverse of the matrix."""
+    model = problem.model
+    if not isinstance(model.element, BendingElement):
+        pytest.skip("a wall of other elements has a smoother")
+    factor = wall_factor(_of_vertices(model), model, WEIGHTS, dtype=np.float64)
+    assert factor.smoother is None
+    assert np.array_equal(factor.nodes, problem.free)
+    r = np.random.default_rng(3).standard_normal(model.x.shape)
+    r[:, np.asarray(model.prescribed)] = 0.0
+    x = np.asarray(wall_solve(factor, jnp.asarray(r)))
+    assert np.allclose(problem.A @ x[:, problem.free].ravel(), r[:, problem.free].ravel())
+    assert not np.any(x[:, np.asarray(model.prescribed)])
 
 
 def test_transposed_solution_is_the_transpose(problem):

@@ -1,7 +1,8 @@
 """A mesh as the arrays of a mesh file and back: cells, region, label, node ids.
 
-Tetrahedra and labelled triangles are two blocks of cells. The integer ``region`` is that of the
-tetrahedra and −1 on triangles, ``label`` is that of the triangles and −1 on tetrahedra.
+Tetrahedra and labelled triangles are two blocks of cells, and wedges of the wall a third
+(`jaxfsi.mesh_files.wedge_cells`). The integer ``region`` is that of the tetrahedra and −1 on
+triangles, ``label`` is that of the triangles and −1 on tetrahedra.
 """
 
 import dataclasses
@@ -18,6 +19,7 @@ from jaxfsi.mesh_files.acceptance import check_cells
 from jaxfsi.mesh_files.lengths import UNITS_CM, check_extent, check_stored_unit
 from jaxfsi.mesh_files.refusal import MeshFileError
 from jaxfsi.mesh_files.side_entry import SideEntry
+from jaxfsi.mesh_files.wedge_cells import KIND, no_data, solid_cells, split_wedges
 from jaxfsi.mesh_parts import used_nodes
 from jaxfsi.meshing.labels import find_openings, label_faces
 from jaxfsi.opening import Opening
@@ -37,38 +39,43 @@ def points_in(mesh: Mesh, unit: str, path: pathlib.Path, any_size: bool) -> np.n
 
 def mesh_to_arrays(mesh: Mesh, points: Float[np.ndarray, "nodes 3"]) -> meshio.Mesh:
     """Cells and data of a mesh for a writer of meshio."""
-    cells: list[tuple[str, ArrayLike] | meshio.CellBlock] = [("tetra", mesh.tets.astype(np.int64))]
-    region: list[ArrayLike] = [mesh.region.astype(np.int64)]
-    label: list[ArrayLike] = [np.full(len(mesh.tets), -1, dtype=np.int64)]
+    cells, data = solid_cells(mesh)
+    data["label"] = [np.full(len(np.asarray(part)), -1, dtype=np.int64) for part in data["region"]]
     if len(mesh.faces):
         cells.append(("triangle", mesh.faces.astype(np.int64)))
-        region.append(np.full(len(mesh.faces), -1, dtype=np.int64))
-        label.append(mesh.face_label.astype(np.int64))
+        for name, values in no_data(len(mesh.faces)).items():
+            if name in data:
+                data[name].append(values)
+        data["region"].append(np.full(len(mesh.faces), -1, dtype=np.int64))
+        data["label"].append(mesh.face_label.astype(np.int64))
     return meshio.Mesh(
-        points,
-        cells,
-        point_data={NODE_ID: mesh.ids.astype(np.int64)},
-        cell_data={"region": region, "label": label},
+        points, cells, point_data={NODE_ID: mesh.ids.astype(np.int64)}, cell_data=data
     )
 
 
 def cells_of(
-    file: meshio.Mesh, path: pathlib.Path
+    file: meshio.Mesh, path: pathlib.Path, *, beside: tuple[str, ...] = ()
 ) -> tuple[Int[np.ndarray, "tets 4"], Int[np.ndarray, "faces 3"]]:
     """Linear tetrahedra and triangles of a file.
+
+    Args:
+        file: as read.
+        path: for messages.
+        beside: kinds of cells that the file may hold too.
 
     Raises:
         MeshFileError: no tetrahedra, or cells of another kind.
     """
     kinds = {block.type for block in file.cells}
-    other = sorted(kinds.difference(_KNOWN, _IGNORED))
-    if other or "tetra" not in kinds:
+    other = sorted(kinds.difference(_KNOWN, _IGNORED, beside))
+    if other or kinds.isdisjoint(("tetra", *beside)):
         held = ", ".join(other) if other else "no tetrahedra"
         raise MeshFileError(
             f"{path} holds {held}. Only linear tetrahedra with linear triangles can be read; save"
             " it as such."
         )
-    tets = [block.data for block in file.cells if block.type == "tetra"]
+    none = np.zeros((0, 4), dtype=np.int64)
+    tets = [none, *(block.data for block in file.cells if block.type == "tetra")]
     faces = [block.data for block in file.cells if block.type == "triangle"]
     return (
         np.concatenate(tets).astype(np.int64),
@@ -129,7 +136,7 @@ def arrays_to_mesh(
     """
     if entry is not None:
         check_stored_unit(unit, entry.unit, path)
-    tets, faces = cells_of(file, path)
+    tets, faces = cells_of(file, path, beside=(KIND,))
     points = np.asarray(file.points, dtype=float).reshape(len(file.points), -1)
     if points.shape[1:] != (3,):
         raise MeshFileError(f"the points of {path} are not in space. Give x, y and z.")
@@ -137,6 +144,7 @@ def arrays_to_mesh(
         check_extent(points, unit, path)
     points = points * UNITS_CM[unit]
     region = cell_values(file, "region", "tetra", path)
+    tets, region, wedges = split_wedges(file, points, tets, region, path)
     if region is None:
         region = np.full(len(tets), int(Region.FLUID))
     ids = node_ids_of(file, path)
@@ -147,7 +155,9 @@ def arrays_to_mesh(
         if len(faces):
             raise MeshFileError(f"{path} has lost the data 'label'. Write it again.")
         label = np.zeros(0, dtype=np.int64)
-    return built(path, points, tets, region, faces, label, entry.label_names, ids, entry.meta)
+    return built(
+        path, points, tets, region, faces, label, entry.label_names, ids, entry.meta, wedges
+    )
 
 
 def labelled_from_outside(
@@ -206,6 +216,7 @@ def built(
     label_names: tuple[str, ...],
     node_ids: Int[np.ndarray, " nodes"] | None,
     meta: dict[str, object],
+    wedges: ArrayLike = (),
 ) -> Mesh:
     """A mesh from the arrays of a file; what is wrong with them is said with the file's name.
 
@@ -213,6 +224,7 @@ def built(
         MeshFileError: the arrays do not belong together.
     """
     try:
-        return Mesh(points, tets, region, faces, face_label, label_names, node_ids, meta)
+        stacked = np.asarray(wedges, dtype=np.int64).reshape(-1, 6)
+        return Mesh(points, tets, region, faces, face_label, label_names, node_ids, meta, stacked)
     except ValueError as error:
         raise MeshFileError(f"{path} cannot be used: {error}") from error

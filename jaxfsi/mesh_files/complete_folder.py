@@ -228,7 +228,7 @@ def write_folder(
             meshio.Mesh(local, [("tetra", tets)], point_data=point_data, cell_data=cell_data),
         )
         _write_surfaces(new, mesh, part.mesh, local, part.nodes)
-        (new / _ENTRY).write_text(entry_text(mesh, unit) + "\n", encoding="utf-8")
+        (new / _ENTRY).write_text(entry_text(mesh, unit, wedges=True) + "\n", encoding="utf-8")
         new.rename(path)
 
 

@@ -38,7 +38,8 @@ def write_mesh_complete(
     """Write each region of a mesh as a ``mesh-complete`` folder.
 
     Both folders count nodes and elements on their own; coordinates of the shared nodes are equal
-    to the last bit.
+    to the last bit. Wedges of the wall are three tetrahedra each, and listed in the JSON beside
+    them.
 
     Args:
         fluid: folder for the blood; None for a mesh without blood.
@@ -168,6 +169,7 @@ def _reassembled(folders: dict[Region, CompleteFolder], unit: Unit) -> Mesh | No
         names,
         ids if own_ids else None,
         meta,
+        entries[0].wedges if Region.SOLID in folders else (),
     )
 
 

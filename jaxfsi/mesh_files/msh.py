@@ -82,7 +82,7 @@ def write_msh(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: boo
         cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags},
         field_data=names,
     )
-    comment = _COMMENT + entry_text(mesh, unit).encode() + b"\n$EndComments\n"
+    comment = _COMMENT + entry_text(mesh, unit, wedges=True).encode() + b"\n$EndComments\n"
     with staged(path) as folder:
         new = folder / path.name
         meshio.gmsh.write(str(new), file, fmt_version="2.2", binary=True)
@@ -139,7 +139,7 @@ def read_msh(
     if entry is not None:
         label = tags - _FIRST_LABEL
         names, meta = entry.label_names, entry.meta
-        mesh = built(path, points, tets, region, faces, label, names, ids, meta)
+        mesh = built(path, points, tets, region, faces, label, names, ids, meta, entry.wedges)
         return accepted(mesh, labels, path, damaged=damaged)
     named = _named_faces(faces, tags, groups, dict(labels or {}), path)
     bare = built(path, points, tets, region, np.zeros((0, 3), int), np.zeros(0, int), (), ids, {})

@@ -14,6 +14,7 @@ from jaxfsi.mesh_files.refusal import MeshFileError, reading
 from jaxfsi.text_files import Malformed, regular_text
 
 _FORMAT = "jaxfsi mesh"
+_MOST_NODES = 2**31
 
 
 class SideEntry(NamedTuple):
@@ -23,11 +24,13 @@ class SideEntry(NamedTuple):
         unit: length unit of the file.
         label_names: names that the labels in the file count through.
         meta: meta of the mesh.
+        wedges: nodes of each wedge of the wall, where the file holds none itself.
     """
 
     unit: str
     label_names: tuple[str, ...]
     meta: dict[str, object]
+    wedges: tuple[tuple[int, ...], ...] = ()
 
 
 def _plain(value: object) -> object:
@@ -36,13 +39,20 @@ def _plain(value: object) -> object:
     raise TypeError(f"a {type(value).__name__} is no plain value")
 
 
-def entry_text(mesh: Mesh, unit: str) -> str:
+def entry_text(mesh: Mesh, unit: str, *, wedges: bool = False) -> str:
     """Side entry of a mesh as one line of JSON.
+
+    Args:
+        mesh: what is written.
+        unit: length unit of the file.
+        wedges: name the wedges, since the file holds only the tetrahedra that fill them.
 
     Raises:
         MeshFileError: the meta of the mesh holds what JSON cannot.
     """
     entry = {"unit": unit, "label_names": list(mesh.label_names), "meta": mesh.meta}
+    if wedges and len(mesh.wedges):
+        entry["wedges"] = mesh.wedges.tolist()
     try:
         return json.dumps(entry, default=_plain, allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -63,7 +73,19 @@ def parsed_entry(entry: object) -> SideEntry:
     names, meta = entry["label_names"], entry["meta"]
     if not isinstance(names, list) or not isinstance(meta, dict):
         raise Malformed("label_names of its side entry is no list, or meta no table")
-    return SideEntry(str(entry["unit"]), tuple(str(name) for name in names), meta)
+    wedges = entry.get("wedges", [])
+    if not isinstance(wedges, list) or not all(_is_wedge(wedge) for wedge in wedges):
+        raise Malformed("wedges of its side entry are not six whole numbers each")
+    nodes = tuple(tuple(wedge) for wedge in wedges)
+    return SideEntry(str(entry["unit"]), tuple(str(name) for name in names), meta, nodes)
+
+
+def _is_wedge(nodes: object) -> bool:
+    return (
+        isinstance(nodes, list)
+        and len(nodes) == 6
+        and all(type(node) is int and 0 <= node < _MOST_NODES for node in nodes)
+    )
 
 
 def side_path(path: pathlib.Path) -> pathlib.Path:

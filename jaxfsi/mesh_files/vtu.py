@@ -27,7 +27,8 @@ def read_vtu(
     """Read a mesh from a vtu file.
 
     A file from `write_vtu` comes back as it was. In any other file ``region`` on the cells tells
-    fluid (0) from solid (1); without it all is fluid. Its labels are made anew.
+    fluid (0) from solid (1); without it all is fluid. Its labels are made anew, and its wedges are
+    cut into tetrahedra.
 
     Args:
         path: file; ``NAME.json`` beside it is read too if it belongs to it.
@@ -55,7 +56,8 @@ def read_vtu(
 def write_vtu(path: str | pathlib.Path, mesh: Mesh, *, unit: Unit, any_size: bool = False) -> None:
     """Write a mesh as ``NAME.vtu`` with its names, meta and unit in ``NAME.json`` beside it.
 
-    In cm every number is kept to the last bit; in mm coordinates are rounded once.
+    In cm every number is kept to the last bit; in mm coordinates are rounded once. Wedges of the
+    wall are cells in place of the tetrahedra that fill them.
 
     Args:
         path: file to write; an old one is replaced when the new one is complete.

@@ -10,6 +10,7 @@ from study.report.documents.mesh import MeshDocument
 from study.report.pictures import embedded_pictures, write_mesh_pictures
 from study.run.mesh import mesh_part
 from study.store.layouts import FORMAT
+from study.store.mesh_parts import MeshNote
 from study.store.meshes import StateMesh
 from study.store.provenance import Provenance
 
@@ -27,11 +28,27 @@ def mesh_document(
         patient=case.id,
         preset=part.preset,
         unit=part.unit,
-        notes=part.notes,
+        notes=[*part.notes, *split_notes({n: m.mesh for n, m in states.items()}, formats)],
         states=part.states,
         mesh_files={name: mesh_names(name, made.mesh, formats) for name, made in states.items()},
         provenance=provenance,
     )
+
+
+def split_notes(meshes: Mapping[str, Mesh], formats: Sequence[str]) -> list[MeshNote]:
+    """That some of the formats asked for hold no wedges, where a mesh has them."""
+    split = [name for name in ("folder", "msh") if name in formats]
+    with_wedges = [name for name, mesh in meshes.items() if len(mesh.wedges)]
+    if not split or not with_wedges:
+        return []
+    held = " and ".join({"folder": "mesh-complete folders", "msh": "msh files"}[n] for n in split)
+    return [
+        MeshNote(
+            "info",
+            f"{', '.join(with_wedges)}: {held} hold three tetrahedra in place of each wedge of the"
+            " wall. Other programs see tetrahedra alone; jaxfsi reads the wedges again.",
+        )
+    ]
 
 
 def mesh_names(state: str, mesh: Mesh, formats: Sequence[str]) -> list[str]:

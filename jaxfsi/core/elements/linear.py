@@ -15,7 +15,7 @@ Source: Zienkiewicz & Taylor 2000, The Finite Element Method, vol. 1, section 6.
 import functools
 import operator
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -55,6 +55,7 @@ def added(terms: Iterable[Float[Array, "*shape"]]) -> Float[Array, "*shape"]:
     return functools.reduce(operator.add, terms)
 
 
+@runtime_checkable
 class _Elements(Protocol):
     """Any elements that have a volume."""
 

@@ -114,6 +114,14 @@ def _anatomy(case: Case) -> Fault | None:
     return Fault(case.path, "anatomy", None, "there is nothing to mesh", "", cure)
 
 
+def _contours(case: Case) -> Fault | None:
+    if isinstance(case.anatomy, IvusAnatomy):
+        return None
+    problem = "the lumens of several states are measured by ultrasound; there are none"
+    cure = 'add [anatomy] with kind = "ivus" and tables [anatomy.states.NAME]'
+    return Fault(case.path, "anatomy.kind", None, problem, "ivus", cure)
+
+
 def _ivus_key(key: str, name: str, why: str) -> Requirement:
     """A requirement of an ivus anatomy alone."""
 
@@ -147,6 +155,12 @@ REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
     "sweep": (_rest, _resistance, _quadratic_loss),
     "mesh": (
         _anatomy,
+        _ivus_key("centerline", "centerline", _LINE),
+        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _tissue,
+    ),
+    "calibrate-wall": (
+        _contours,
         _ivus_key("centerline", "centerline", _LINE),
         _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
         _tissue,

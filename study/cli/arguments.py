@@ -30,10 +30,10 @@ from study.store.options import (
 from study.store.result_files import MESH_FORMATS as FORMATS
 
 _ON_RECORDS = ("diagnose", "plan-measurement")
-_ON_CASES = ("run", "calibrate", "sweep", "mesh", "simulate", "study")
+_ON_CASES = ("run", "calibrate", "calibrate-wall", "sweep", "mesh", "simulate", "study")
 
 _OPTIONS: dict[str, type[Options]] = {
-    **{name: KINDS[name] for name in _ON_CASES},
+    **{name: KINDS["wall" if name == "calibrate-wall" else name] for name in _ON_CASES},
     "cohort": CohortOptions,
     "diagnose": DiagnoseOptions,
     "plan-measurement": PlanOptions,
@@ -75,6 +75,7 @@ def parse(argv: Sequence[str]) -> Request[Options]:
         what.add_argument("case", nargs="?", type=pathlib.Path, help="case file", metavar="CASE")
         what.add_argument("--demo", action="store_true", help="use the bundled patient")
     _cohort_arguments(parsers["cohort"])
+    _wall_arguments(parsers["calibrate-wall"])
     sweep = parsers["sweep"]
     sweep.add_argument("--alpha", type=alpha_range, required=True, metavar="FROM:TO:N")
     sweep.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
@@ -138,6 +139,36 @@ def _record_arguments(parsers: Mapping[str, argparse.ArgumentParser]) -> None:
         metavar="CONDITION",
         help="measure the gap in 3D as well, in these conditions (default: all), with the mesh of "
         "the finished study of --case",
+    )
+
+
+def _wall_arguments(command: argparse.ArgumentParser) -> None:
+    _key_arguments(command, MeshOptions, "preset")
+    command.add_argument(
+        "--fit",
+        nargs="+",
+        metavar="STATE",
+        help="states to fit; default: two; others are predicted",
+    )
+    command.add_argument(
+        "--free",
+        nargs="+",
+        choices=("aorta", "coronary", "septum", "support", "thickness"),
+        help="what is fitted; default: all but the thickness",
+    )
+    command.add_argument(
+        "--course",
+        type=positive(100.0),
+        default=10.0,
+        metavar="MM",
+        help="length from the ostium that is compared; default: 10",
+    )
+    command.add_argument(
+        "--contour-error",
+        type=positive(1.0),
+        default=0.05,
+        metavar="X",
+        help="relative standard deviation of a contour's area and minor axis; default: 0.05",
     )
 
 

@@ -121,7 +121,7 @@ def _case(request: Request[CaseOptions]) -> tuple[Any, ...]:
     """The case, and the checked folder for its results."""
     path = case_path(request.options)
     case = read_case(path)
-    if request.command in ("mesh", "simulate", "study"):
+    if request.command in ("calibrate-wall", "mesh", "simulate", "study"):
         require(case, request.command)
     return case, check_folder(_folder(request, path))
 
@@ -228,6 +228,7 @@ class _Command(NamedTuple):
 _COMMANDS = {
     "run": _Command(_case, "study.cli.pipeline_commands", "run_command"),
     "calibrate": _Command(_case, "study.cli.pipeline_commands", "calibrate_command"),
+    "calibrate-wall": _Command(_case, "study.cli.wall_command", "wall_command"),
     "sweep": _Command(_case, "study.cli.pipeline_commands", "sweep_command"),
     "mesh": _Command(_case, "study.cli.mesh_command", "mesh_command"),
     "simulate": _Command(_case, "study.cli.simulate_command", "simulate_command"),

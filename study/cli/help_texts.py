@@ -42,6 +42,18 @@ examples:
 needs [condition.rest] with ffr, and R0 or an ivus anatomy; writes calibration.json.
 """,
     ),
+    "calibrate-wall": (
+        "find the stiffness of the wall from lumens measured in several states",
+        """\
+examples:
+  jaxfsi calibrate-wall case.toml
+  jaxfsi calibrate-wall case.toml --fit rest_systole dobutamine_systole
+  jaxfsi calibrate-wall case.toml --free aorta coronary thickness --course 8
+
+needs an ivus anatomy with further states, [anatomy.states.CONDITION_systole], and the pressures of
+their conditions. The states that are not fitted are predicted. Writes wall.html and wall.json.
+""",
+    ),
     "sweep": (
         "ratios and flows over a range of alpha",
         """\

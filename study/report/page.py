@@ -13,6 +13,7 @@ from study.report.mesh_figures import mesh_figures
 from study.report.number_formats import signed, significant, span, with_sd
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
+from study.report.wall_figures import MODELS, wall_figure
 from study.run.limits import AREA_BOUND, FFR_THRESHOLD
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
@@ -58,6 +59,16 @@ def simulation_report(document: Document, pictures: Mapping[str, str]) -> str:
         picture=pictures,
         captions=PICTURES,
     )
+
+
+def wall_report(document: Document) -> str:
+    """The report of a calibrated wall as HTML, its figure inside.
+
+    Args:
+        document: what `wall_document` made, fresh or read back.
+    """
+    drawn = safe({"wall": wall_figure(document)})
+    return rendered("wall.html", d=document, fig=drawn, models=MODELS)
 
 
 def rendered(name: str, **values: Any) -> str:

@@ -5,7 +5,7 @@ import pathlib
 from study.case.faults import CaseError, Fault
 from study.report.cohort_report import cohort_report
 from study.report.diagnosis_report import diagnosis_report
-from study.report.page import html_report, simulation_report
+from study.report.page import html_report, simulation_report, wall_report
 from study.report.pictures import stored_mesh_pictures, stored_simulation_pictures
 from study.report.study_report import stored_study_report
 from study.store.result_files import (
@@ -15,6 +15,7 @@ from study.store.result_files import (
     REPORT_FILE,
     SIMULATION_PAGE,
     STUDY_PAGE,
+    WALL_PAGE,
 )
 from study.store.stored_document import Document
 
@@ -24,6 +25,7 @@ _NAMES = {
     "study": STUDY_PAGE,
     "cohort": COHORT_PAGE,
     "diagnose": DIAGNOSIS_PAGE,
+    "wall": WALL_PAGE,
 }
 
 
@@ -57,6 +59,8 @@ def stored_page(result: pathlib.Path, document: Document) -> str:
         return stored_study_report(folder, document)
     if document["kind"] == "diagnose":
         return diagnosis_report(document)
+    if document["kind"] == "wall":
+        return wall_report(document)
     if document["kind"] == "simulate":
         return simulation_report(document, stored_simulation_pictures(folder, document))
     part = document if document["kind"] == "mesh" else document.get("mesh") or {}

@@ -14,6 +14,7 @@ def summary(document: Document) -> str:
     lines = {
         "run": _run,
         "calibrate": _calibration,
+        "wall": _wall,
         "sweep": _sweep,
         "mesh": _mesh,
         "simulate": _simulation,
@@ -125,6 +126,16 @@ def _alphas(document: Document) -> Iterator[str]:
             f"{law} law: alpha = {fit['alpha']:.4g} (95 %: {low:.3g} to {high:.3g}) for a resting "
             f"ratio of {fit['target']:g}{checked}"
         )
+
+
+def _wall(document: Document) -> Iterator[str]:
+    yield f"{document['patient']}: wall from {len(document['states'])} states"
+    for row in document["stiffness"]:
+        numbers = f"{row['value']:.3g} (95 %: {row['low']:.3g} to {row['high']:.3g})"
+        yield f"  {row['name']:<12}{numbers} {row['unit']}; case {row['start']:.3g}"
+    yield from (f"- {line}" for line in document["determined"])
+    for note in document["notes"]:
+        yield f"{'!' if note['level'] == 'warning' else '-'} {note['text']}"
 
 
 def _sweep(document: Document) -> Iterator[str]:

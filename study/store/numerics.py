@@ -122,6 +122,8 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/run/gap_parts.py", "study/run/members.py",
     "study/run/opening_checks.py", "study/run/progress.py", "study/run/sweep_parts.py",
     "study/store/*",
+    "study/report/wall_results.py", "study/run/measured_states.py",
+    "study/run/wall_calibration.py",  # computed anew each time
 )  # fmt: skip
 """Modules that decide no number that is kept, whatever the patterns of a part say."""
 

@@ -126,6 +126,25 @@ class CalibrateOptions(CaseOptions):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class WallOptions(CaseOptions):
+    """Options of `calibrate-wall`.
+
+    Attributes:
+        fit: states to fit; None: the first two after that of the mesh.
+        free: what is fitted; None: all moduli and the support.
+        preset: size of the mesh; None: as the case says.
+        course: length from the ostium that is compared [mm].
+        contour_error: relative standard deviation of a contour's area and minor axis [-].
+    """
+
+    fit: tuple[str, ...] | None = None
+    free: tuple[str, ...] | None = None
+    preset: str | None = None
+    course: float = 10.0
+    contour_error: float = 0.05
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class SweepOptions(CaseOptions):
     """Options of `sweep`.
 
@@ -272,6 +291,7 @@ class PlanOptions(RecordOptions):
 KINDS: dict[str, type[Options]] = {
     "run": RunOptions,
     "calibrate": CalibrateOptions,
+    "wall": WallOptions,
     "sweep": SweepOptions,
     "mesh": MeshCommandOptions,
     "simulate": SimulateOptions,

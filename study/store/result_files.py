@@ -10,6 +10,7 @@ STUDY_FILE, STUDY_PAGE = "study.json", "study.html"
 COHORT_FILE, COHORT_PAGE = "cohort.json", "cohort.html"
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE, CALIBRATION_FILE = "plan.json", "calibration.json"
+WALL_FILE, WALL_PAGE = "wall.json", "wall.html"
 SWEEP_FILE, TABLE_FILE, FIGURE_FILE = "sweep.json", "sweep.csv", "sweep.svg"
 
 HISTORY_FILE, CHECKPOINT_FILE, SHEAR_FILE = "history.csv", "checkpoint.npz", "shear.vtu"
@@ -46,6 +47,7 @@ KINDS = {
     ),
     "study": Kind(STUDY_FILE, (STUDY_PAGE, STUDY_PICTURES), (RUN_FOLDER, STAGE_FOLDER)),
     "cohort": Kind(COHORT_FILE, (COHORT_PAGE,)),
+    "wall": Kind(WALL_FILE, (WALL_PAGE,)),
     "calibrate": Kind(CALIBRATION_FILE),
     "sweep": Kind(SWEEP_FILE, (TABLE_FILE, FIGURE_FILE)),
     "diagnose": Kind(DIAGNOSIS_FILE, (DIAGNOSIS_PAGE,), (IN_3D_FOLDER,)),

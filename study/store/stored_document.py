@@ -18,6 +18,7 @@ from study.store.result_files import (
     SIMULATION_FILE,
     STUDY_FILE,
     SWEEP_FILE,
+    WALL_FILE,
 )
 from study.store.stored_parts import Damage, Trail, last_read, parse
 
@@ -41,6 +42,7 @@ _FILES = (
     MESH_FILE,
     CALIBRATION_FILE,
     SWEEP_FILE,
+    WALL_FILE,
 )
 """Documents of a folder; where it holds more than one, the first is shown."""
 

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from calibration.free_parameter import FreeParameter, write
+from calibration.loaded_wall import WallStiffness, loaded_wall
 from calibration.lumen_record import LumenChange
 from calibration.wall_stiffness import (
     MotionData,
-    WallStiffness,
     fit_stiffness,
     free_stiffness,
     linear_motion,
-    loaded_wall,
     misfit,
     stiffness_interval,
 )

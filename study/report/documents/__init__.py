@@ -20,6 +20,7 @@ KINDS = {
     "sweep": ("sweep", "SweepDocument"),
     "mesh": ("mesh", "MeshDocument"),
     "simulate": ("simulate", "SimulateDocument"),
+    "wall": ("wall", "WallDocument"),
     "study": ("study", "StudyDocument"),
     "cohort": ("cohort", "CohortDocument"),
     "diagnose": ("diagnose", "DiagnoseDocument"),

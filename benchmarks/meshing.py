@@ -1,8 +1,9 @@
 """Meshes of real, drawn and foreign anatomies: time by stage, and gates on the answer.
 
 The real patient in every state whose contours are at hand (one is bundled, the others lie in the
-reference data), twenty anatomies drawn from the published distributions, and lumen surfaces that
-other projects made. Nothing is taken from a cache; each anatomy is meshed once.
+reference data), twenty anatomies drawn from the published distributions, the virtual cohort, and
+lumen surfaces that other projects made. The wall stands in columns of wedges. Nothing is taken
+from a cache; each anatomy is meshed once.
 """
 
 import pathlib
@@ -20,11 +21,12 @@ from jaxfsi.anatomy import (
     surface_anatomy,
     synthetic_anatomy,
 )
-from jaxfsi.mesh import tet_volumes
+from jaxfsi.mesh import Region, tet_volumes
 from jaxfsi.meshing.build import LEAST_DIHEDRAL_DEG, MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
 from lumped.units import MM
 from study import demo_case_path, read_case
+from study.case.demo import demo_cohort_path
 from study.run.anatomy_source import case_anatomy
 
 SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
@@ -56,7 +58,16 @@ def items() -> Iterator[Item]:
             for number, parameters in enumerate(drawn, start=1):
                 name = f"{side} {age} {number}"
                 yield Item(name, lambda parameters=parameters: synthetic_anatomy(parameters))
+    yield from _cohort()
     yield from _surfaces()
+
+
+def _cohort() -> Iterator[Item]:
+    """The virtual patients that come with the package."""
+    for path in sorted(demo_cohort_path().glob("virtual-*/case.toml")):
+        yield Item(
+            path.parent.name.replace("-", " "), lambda path=path: case_anatomy(read_case(path))
+        )
 
 
 def _patient() -> Iterator[Item]:
@@ -123,7 +134,7 @@ def _row(item: Item, preset: str) -> dict[str, Any]:
     try:
         anatomy = item.make()
         row["anatomy_s"] = time.perf_counter() - start
-        result = build_mesh(anatomy, preset=preset)
+        result = build_mesh(anatomy, preset=preset, wedge_layers=1)
     except (ValueError, RuntimeError) as error:
         failed = " ".join(str(error).split())[:160]
         return row | {"total_s": time.perf_counter() - start, "gates": f"no mesh: {failed}"}
@@ -142,6 +153,9 @@ def _answer(result: MeshResult, anatomy: Anatomy) -> dict[str, Any]:
     euler = report.topology.euler
     return {
         "tets": len(mesh.tets),
+        "wedges": len(mesh.wedges),
+        "wedge_share": report.quality.wedges.volume_share if report.quality.wedges else 0.0,
+        "tets_beside": len(mesh.tets_of(Region.SOLID)) - 3 * len(mesh.wedges),
         "inverted": int(np.sum(tet_volumes(mesh.points, mesh.tets) <= 0.0)),
         "min_dihedral_deg": report.quality.min_dihedral_deg,
         "euler": " ".join(f"{name} {number}" for name, number in euler.items()),
@@ -205,6 +219,13 @@ def _notes(rows: list[dict[str, Any]], preset: str) -> list[str]:
         notes.append(
             f"slowest: {slowest['anatomy']}, {slowest['total_s']:.0f} s; {late} of {len(made)} take"
             f" longer than {SECONDS[preset]:g} s"
+        )
+        shares = sorted(row["wedge_share"] for row in made)
+        beside = max(made, key=lambda row: row["tets_beside"])
+        notes.append(
+            f"wedges fill {shares[0]:.0%} to {shares[-1]:.0%} of the wall, the median"
+            f" {np.median(shares):.0%}; at most {beside['tets_beside']} tetrahedra stand beside"
+            f" them, {beside['anatomy']}; {sum(row['wedges'] == 0 for row in made)} walls without"
         )
         smallest = min(made, key=lambda row: row["min_dihedral_deg"])
         notes.append(

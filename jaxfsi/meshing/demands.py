@@ -51,10 +51,12 @@ def check_demands(anatomy: Anatomy, request: MeshRequest, *, smallest: float) ->
         faults.append(f"there is no preset {preset!r}; choose one of {', '.join(PRESETS)}")
     if elements_across is not None and not 2 <= elements_across <= _MOST_ACROSS:
         faults.append(f"elements_across is {elements_across}; choose 2 to {_MOST_ACROSS}")
-    if not 1 <= wall_layers <= _MOST_LAYERS:
-        faults.append(f"wall_layers is {wall_layers}; choose 1 to {_MOST_LAYERS}")
-    if not 0 <= wedge_layers <= _MOST_WEDGE_LAYERS:
-        faults.append(f"wedge_layers is {wedge_layers}; choose 0 to {_MOST_WEDGE_LAYERS}")
+    for name, layers, least, most in (
+        ("wall_layers", wall_layers, 1, _MOST_LAYERS),
+        ("wedge_layers", wedge_layers, 0, _MOST_WEDGE_LAYERS),
+    ):
+        if layers != int(layers) or not least <= layers <= most:
+            faults.append(f"{name} is {layers}; choose {least} to {most}, a whole number")
     faults += _bounds_faults(anatomy)
     if not anatomy.openings:
         faults.append("there is no opening; cut at least one inlet and one outlet")

@@ -29,6 +29,8 @@ _ROUNDS = 12
 _LEAST_TRIANGLE_QUALITY = 0.25
 # Cosine between the normal of an outer triangle and that of the surface.
 _LEAST_COSINE = 0.5
+# Distance of an outer edge from the lumen over the thickness.
+_LEAST_ROOM = 0.5
 # Angle between two triangles of the surface of the rest.
 _SHARP_DEG = 30.0
 _STEP = 1e-3  # of the differences for normals [cm]
@@ -119,14 +121,20 @@ def cover(
 def _at_poor(found: Cover, lumen: ClippedSurface, anatomy: Anatomy) -> Int[np.ndarray, " spoilt"]:
     """Columns beside triangles that leave no room for good tetrahedra.
 
-    These are slivers, triangles turned from the surface, and neighbours at a sharp angle.
+    These are slivers, triangles turned from the surface or near the lumen, and neighbours at a
+    sharp angle.
     """
     outer, count = found.outer.surface, len(found.feet)
     normals = triangle_normals(*outer)
     slope = gradients(anatomy.wall, outer.points[outer.triangles].mean(axis=1), step=_STEP)
     size = np.linalg.norm(normals, axis=1) * np.linalg.norm(slope, axis=1)
     turned = np.einsum("tk,tk->t", normals, slope) < _LEAST_COSINE * size
-    poor = outer.triangles[turned | (triangle_qualities(*outer) < _LEAST_TRIANGLE_QUALITY)]
+    corners = outer.points[outer.triangles]
+    middle = 0.5 * (corners + np.roll(corners, 1, axis=1)).reshape(-1, 3)
+    room = anatomy.lumen(middle) / anatomy.thickness(middle)
+    near = room.reshape(-1, 3).min(axis=1) < _LEAST_ROOM
+    sliver = triangle_qualities(*outer) < _LEAST_TRIANGLE_QUALITY
+    poor = outer.triangles[turned | near | sliver]
     shift = len(lumen.surface.points)
     points = np.concatenate([lumen.surface.points, outer.points])
     sides = stack_sides(found.stack(lumen, layers=1), points)[:, ::-1]

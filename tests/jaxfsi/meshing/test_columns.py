@@ -12,6 +12,7 @@ from jaxfsi.measures import enclosed_volume, triangle_areas
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, Mesh, Region, tet_volumes
 from jaxfsi.mesh_checks import check_mesh
 from jaxfsi.meshing import MeshResult, build_mesh
+from jaxfsi.meshing.columns.cover import NoColumns, cover
 from jaxfsi.meshing.columns.outer import stitched, subdivided
 from jaxfsi.meshing.columns.stack import stack, stack_sides
 from jaxfsi.meshing.columns.zone import (
@@ -21,6 +22,7 @@ from jaxfsi.meshing.columns.zone import (
     tidied,
 )
 from jaxfsi.meshing.structured.prisms import tets_of_wedges
+from jaxfsi.meshing.surface.clipping import ClippedSurface
 from jaxfsi.meshing.surface.isosurface import Surface
 from jaxfsi.meshing.surface.sizes import grown_field
 
@@ -132,6 +134,32 @@ def test_wall_that_takes_no_columns_is_tetrahedra_and_says_so():
     (note,) = report.notes
     assert note.startswith("tetrahedra alone fill the wall: only 0% of the columns reach")
     assert note.endswith("use a thinner wall")
+
+
+def test_wall_too_thin_for_its_triangles_says_how_to_mend():
+    square = grid(8)
+    up = np.array([0.0, 0.0, 1.0])
+    lumen = ClippedSurface(square, (np.array([0]),))
+    plate = dataclasses.replace(
+        straight_tube(),
+        lumen=lambda x: x[:, 2],
+        wall=lambda x: x[:, 2] - 0.004,
+        thickness=lambda x: np.full(len(x), 0.004),
+        openings=(Opening("corner", np.zeros(3), up, 0.01),),
+    )
+    field = grown_field(square.points, np.full(len(square.points), 1 / 8))
+    with pytest.raises(NoColumns) as told:
+        cover(lumen, lumen, plate, field, deviation=0.01)
+    assert str(told.value) == (
+        "no wedge is well shaped, it is 0.004 cm thick over triangles 0.151 cm wide; use a finer"
+        " preset or a thicker wall"
+    )
+
+
+@pytest.mark.parametrize("layers", [-1, 5, 1.5])
+def test_number_of_layers_of_wedges_is_checked(layers):
+    with pytest.raises(ValueError, match=f"wedge_layers is {layers}; choose 0 to 4, a whole"):
+        build_mesh(straight_tube(), preset="coarse", wedge_layers=layers)
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
+    from jaxfsi.core.laws.contact import LeastGap
     from jaxfsi.core.laws.fluid import Blood
     from jaxfsi.core.laws.materials import (
         AbstractMaterial,

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxfsi.core.laws.contact import LeastGap
 from jaxfsi.core.laws.materials import SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.ports.pressure import PressurePort
@@ -70,12 +71,14 @@ def slit_mesh(*, n_around: int = 16, n_axial: int = 6, n_rings: int = 2) -> Mesh
     )
 
 
-def slit_model(mesh: Mesh, *, wall_element: WallElement = "bending") -> Model:
+def slit_model(
+    mesh: Mesh, *, wall_element: WallElement = "bending", least_gap: LeastGap | None = None
+) -> Model:
     """The slit under a pressure that falls at both openings."""
     pressure = PressurePort(Ramp(0.0, FALL))
     wall = Wall(SaintVenantKirchhoff(YOUNG, POISSON), damping=DAMPING)
     ports = {"inlet": pressure, "outlet": pressure}
-    return build_model(mesh, ports, wall=wall, wall_element=wall_element)
+    return build_model(mesh, ports, wall=wall, wall_element=wall_element, least_gap=least_gap)
 
 
 def slit_shape(mesh: Mesh, state: State) -> SlitShape:

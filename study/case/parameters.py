@@ -101,7 +101,9 @@ class TissueParameters:
 class WallParameters:
     """The vessel wall. Its thickness follows the local radius of the lumen, within bounds."""
 
-    added_later: ClassVar[frozenset[str]] = frozenset({"volumetric_penalty", "damping", "tissue"})
+    added_later: ClassVar[frozenset[str]] = frozenset(
+        {"volumetric_penalty", "damping", "tissue", "minimum_gap"}
+    )
     E: Annotated[
         Number, Quantity("stiffness", "dyn_per_cm2", 2.0e5, 3.0e8, text="Young's modulus")
     ] = 1.5e7
@@ -146,6 +148,13 @@ class WallParameters:
         Number,
         Quantity("viscosity", "poise", 0.0, 1.0e6, text="Kelvin-Voigt viscosity of the wall in 3D"),
     ] = 0.0
+    minimum_gap: Annotated[
+        Number,
+        Quantity(
+            "length", "mm", 0.0, 1.0,
+            text="gap below which sides of the lumen repel each other in 3D; 0: never",
+        ),
+    ] = 0.0  # fmt: skip
     tissue: TissueParameters = TissueParameters()
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+from lumped.units import MM
 from study.case.laws import CARREAU_YASUDA
 from study.case.model import Case
 from study.case.parameters import WallParameters
@@ -29,3 +30,5 @@ def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:
             f"tissue outside holds the wall: {wall.tissue.stiffness:g} dyn/cm³ and"
             f" {wall.tissue.damping:g} dyn·s/cm³"
         )
+    if wall.minimum_gap:
+        yield f"sides of the lumen repel each other below a gap of {wall.minimum_gap / MM:g} mm"

@@ -12,6 +12,7 @@ import numpy as np
 
 from jaxfsi import OUTER_WALL, Mesh
 from jaxfsi.core.elements.bending import BendingPrestress
+from jaxfsi.core.laws.contact import LeastGap
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
@@ -101,6 +102,7 @@ def case_model(
         wall=None if rigid else wall_of(case.wall),
         wall_element=case.wall.element,
         P_ambient=P_image,
+        least_gap=LeastGap(case.wall.minimum_gap) if case.wall.minimum_gap else None,
     )
     if not loaded:
         return model

@@ -41,6 +41,7 @@ from jaxfsi.core.elements.linear import (
     vector_corners,
 )
 from jaxfsi.core.elements.wall import Weights
+from jaxfsi.core.laws.contact import contact_product, contact_slope
 from jaxfsi.core.laws.fluid import velocity_gradient
 from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.tissue import tissue_force
@@ -80,10 +81,12 @@ class StepTangent(NamedTuple):
     Attributes:
         blood: derivative of the blood's equations.
         wall: that of the wall's forces; None without a wall.
+        contact: stiffness of each pair of opposite sides; None where they do not see each other.
     """
 
     blood: BloodTangent
     wall: WallTangent | BendingTangent | None
+    contact: Float[Array, " pairs"] | None
 
 
 def step_tangent(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> StepTangent:
@@ -95,7 +98,10 @@ def step_tangent(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha
         wall = wall_tangent(
             u, d, weights, model.wall, model.element, step.solid_shape, model.prestress
         )
-    return StepTangent(_blood_tangent(u, model, step, method), wall)
+    contact = None
+    if model.contact is not None:
+        contact = contact_slope(d, model.x, model.contact)
+    return StepTangent(_blood_tangent(u, model, step, method), wall, contact)
 
 
 def _blood_tangent(
@@ -239,6 +245,9 @@ def _closed(
         r_u = r_u + apply_wall(tangent.wall, v.u, model.element, step.solid_shape)
         support = w_d * model.wall.support_stiffness + w_u * model.wall.support_damping
         r_u = r_u + tissue_force(support * v.u, model)
+    if model.contact is not None and tangent.contact is not None:
+        _, _, w_d = method.weights(step.dt)
+        r_u = r_u + contact_product(w_d * tangent.contact, v.u, model.contact)
     if model.mid_edge is not None:
         _, w_u, _ = method.weights(step.dt)
         r_u = r_u - w_u * mid_edge_load(v.p, step.x, model.mid_edge)

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.bending import mid_edges
 from jaxfsi.core.elements.wall import Weights
+from jaxfsi.core.laws.contact import contact_force, contact_product, contact_slope
 from jaxfsi.core.laws.interface import MidEdgeInterface, mid_edge_load
 from jaxfsi.core.laws.tissue import tissue_force
 from jaxfsi.core.laws.wall_balance import wall_geometry, wall_residual
@@ -229,11 +230,16 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         d = flat.reshape(3, -1)
         r = wall_residual(zero, zero, d, model.wall, model.element, shape, model.prestress)
         r = r + tissue_force(model.wall.support_stiffness * d, model)
+        if model.contact is not None:
+            r = r + contact_force(d, model.x, model.contact)
         r = r - scale * load_forces(loads, d, model)
         return jnp.where(free, r, d).reshape(-1)
 
     def tangent(flat, scale):
         d = flat.reshape(3, -1)
+        contact = None
+        if model.contact is not None:
+            contact = contact_slope(d, model.x, model.contact)
         about = wall_tangent(zero, d, STATIC, model.wall, model.element, shape, model.prestress)
         _, load_change = jax.linearize(lambda d: load_forces(loads, d, model), d)
 
@@ -241,6 +247,8 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
             v = flat.reshape(3, -1)
             r = apply_wall(about, v, model.element, shape)
             r = r + tissue_force(model.wall.support_stiffness * v, model)
+            if model.contact is not None and contact is not None:
+                r = r + contact_product(contact, v, model.contact)
             return jnp.where(free, r - scale * load_change(v), v).reshape(-1)
 
         return product

@@ -28,6 +28,7 @@ from jaxfsi.core.elements.linear import (
     fusion_barrier,
     geometry,
 )
+from jaxfsi.core.laws.contact import contact_force
 from jaxfsi.core.laws.fluid import LaggedCoefficients, fluid_residual, lagged_coefficients
 from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_displacement
@@ -204,6 +205,9 @@ def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
                 u, a, d, model.wall, model.element, step.solid_shape, model.prestress
             )
             r_u = r_u + _support(u, d, model.wall, model)
+    if model.contact is not None:
+        with jax.named_scope("contact"):
+            r_u = r_u + contact_force(d, model.x, model.contact)
     if model.mid_edge is not None:
         with jax.named_scope("interface"):
             r_u = r_u - mid_edge_load(p - model.P_ambient, step.x, model.mid_edge)

@@ -17,13 +17,14 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxfsi.core.elements.bending import bending_element, mid_edges
 from jaxfsi.core.elements.quadratic import QuadraticElement, numbered_edges
 from jaxfsi.core.elements.wall import LinearElement
+from jaxfsi.core.laws.contact import Contact, LeastGap, contact_pairs
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.interface import MidEdgeInterface
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.wall_balance import WallElements, WallPrestress
 from jaxfsi.core.ports.port import AbstractPort, PortSurface
-from jaxfsi.faces import triangle_edges
-from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region
+from jaxfsi.faces import find_rows, triangle_edges
+from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region, tet_faces
 from lumped.parameters import Parameter
 
 WallElement = Literal["bending", "quadratic", "linear"]
@@ -62,6 +63,7 @@ class Model(eqx.Module):
         outer_faces: triangles that the tissue outside supports.
         outer_edges: mid-edge unknowns opposite to their corners; None where there are none.
         mid_edge: faces of the interface with mid-edge modes; None where there are none.
+        contact: least gap between the sides of the lumen; None: the sides do not see each other.
         names: of the ports (static).
         n_vertices: vertices of the mesh, which come before other nodes (static).
     """
@@ -84,6 +86,7 @@ class Model(eqx.Module):
     outer_faces: Int[Array, "3 outer"]
     outer_edges: Int[Array, "3 outer"] | None
     mid_edge: MidEdgeInterface | None
+    contact: Contact | None
     names: tuple[str, ...] = eqx.field(static=True)
     n_vertices: int = eqx.field(static=True)
 
@@ -129,6 +132,7 @@ def build_model(
     clamped: Sequence[str] | None = None,
     wall_element: WallElement = "linear",
     P_ambient: Parameter = 0.0,
+    least_gap: LeastGap | None = None,
 ) -> Model:
     """Put a model together.
 
@@ -144,6 +148,7 @@ def build_model(
             linear elements, and quadratic ones elsewhere.
         P_ambient: pressure outside [dyn/cm²], at which the wall has its reference shape, see
             `Model`.
+        least_gap: below which the sides of the lumen repel each other; None: never.
 
     Raises:
         ValueError: ports and labels do not fit, or the wall is missing.
@@ -194,6 +199,7 @@ def build_model(
         outer_faces=jnp.asarray(outer.T, jnp.int32),
         outer_edges=mid_edges(element, outer.T),
         mid_edge=_mid_edge_interface(mesh, element) if len(fluid) else None,
+        contact=_contact(mesh, solid, least_gap) if len(solid) else None,
         names=tuple(ports),
         n_vertices=n_nodes,
     )
@@ -225,6 +231,19 @@ def _mid_edge_interface(mesh: Mesh, element: WallElements) -> MidEdgeInterface |
     faces = mesh.labelled(INTERFACE)
     edges = mid_edges(element, faces.T)
     return None if edges is None else MidEdgeInterface(jnp.asarray(faces.T, jnp.int32), edges)
+
+
+def _contact(
+    mesh: Mesh, solid: Int[np.ndarray, "tets 4"], least_gap: LeastGap | None
+) -> Contact | None:
+    """The least gap of the lumen; None where there is none to keep."""
+    faces = mesh.labelled(INTERFACE) if INTERFACE in mesh.label_names else np.zeros((0, 3), int)
+    if least_gap is None or not len(faces):
+        return None
+    # A wall alone has its interface turned the other way: pairs lie where the wall does not.
+    sides = tet_faces(solid).reshape(-1, 3)
+    into_wall = sides[find_rows(faces, sides)][:, ::-1]
+    return contact_pairs(least_gap, mesh.points, into_wall)
 
 
 def _port_edges(mesh: Mesh, name: str, element: WallElements) -> Int[Array, "3 faces"] | None:

@@ -16,6 +16,10 @@ def test_usual_laws_need_no_words_and_chosen_ones_are_named_with_their_numbers()
     assert "300 poise" in damping
     assert "1e+06 dyn/cm²" in penalty
     assert "200000 dyn/cm³ and 40 dyn·s/cm³" in tissue
+    close = dataclasses.replace(case, wall=WallParameters(minimum_gap=0.01))
+    assert list(chosen_laws(close))[1:] == [
+        "sides of the lumen repel each other below a gap of 0.1 mm"
+    ]
     soft = dataclasses.replace(case, wall=WallParameters(material="neo_hookean"))
     assert list(chosen_laws(soft))[1:] == ["the elastic law of the wall is neo_hookean"]
     assert list(chosen_laws(case, rigid=True)) == [blood]

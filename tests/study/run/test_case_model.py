@@ -7,16 +7,18 @@ import numpy as np
 import pytest
 
 from jaxfsi.core import CarreauYasuda, LinearElastic, NeoHookean, Newtonian, SaintVenantKirchhoff
+from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from jaxfsi.simulation import SolverChoice
+from lumped.waveforms import Constant
 from study.case.parameters import BloodParameters, WallParameters
 from study.case.read import read_case
 from study.case.schema import Word, keys_of
 from study.run.anatomy_source import case_mesh
-from study.run.case_model import MATERIALS, VISCOSITIES, blood_of, wall_of
+from study.run.case_model import MATERIALS, VISCOSITIES, blood_of, case_model, wall_of
 from study.run.setup import plan_steps, prepare_simulation
 from study.run.simulation import solver_choice
 
@@ -33,6 +35,7 @@ P_diastolic_mmHg = 65.0
 period_s = 0.80
 """
 DT = 1e-2
+SHUT = PressurePort(Constant(0.0))
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +99,17 @@ def test_damping_penalty_and_tissue_arrive(read):
     assert float(wall.material.volumetric_penalty) == 1e6
     given = (wall.damping, wall.support_stiffness, wall.support_damping)
     assert [float(x) for x in given] == [300.0, 2e5, 40.0]
+
+
+def test_least_gap_arrives(read):
+    ports = {"inlet": SHUT, "outlet": SHUT}
+    for line, gap in (("", None), ("minimum_gap_mm = 0.12\n", 0.012)):
+        case = read(f'[wall]\nprestress = "none"\n{line}')
+        model = case_model(case, case_mesh(case), ports, 0.0)
+        assert (model.contact is None) == (gap is None)
+        if model.contact is not None:
+            assert float(model.contact.law.gap) == pytest.approx(gap)
+            assert float(model.contact.law.stiffness) == 1e6
 
 
 def test_options_of_the_solver_arrive(read):

@@ -129,7 +129,7 @@ def fill_complex(
 
     Wedges are filled by three tetrahedra each, which stay as they are. The wall beside them bends
     by edges of its own (`jaxfsi.core.elements`), so that one layer of tetrahedra is enough there:
-    as few fill it as can be.
+    as few fill it as can be. Flat tetrahedra of both regions are then mended one by one.
 
     Args:
         complex_: closed surfaces of both regions over shared points.
@@ -158,12 +158,13 @@ def fill_complex(
     if layers:
         improved = [_in_layers(part) for part in improved]
     if any(few):
-        improved.append(_mended(complex_, surfaces[-1], filled[-1]))
+        parts = [*improved, filled[-1]]
+        improved = [_mended(complex_, *part) for part in zip(surfaces, parts, strict=True)]
     return _joined(complex_, surfaces, improved)
 
 
 def _mended(complex_: Complex, surface: RegionSurface, part: Filling) -> Filling:
-    """Tetrahedra beside wedges without flat ones; none has all its nodes at one wedge."""
+    """Tetrahedra of a region without flat ones; none has all its nodes at one wedge."""
     number = np.full(len(complex_.points), -1, dtype=np.int64)
     number[surface.nodes] = np.arange(len(surface.nodes))
     sides = number[complex_.wedges][:, [[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]].reshape(-1, 4)

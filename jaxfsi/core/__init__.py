@@ -9,6 +9,7 @@ from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
     from jaxfsi.core.laws.contact import LeastGap
+    from jaxfsi.core.laws.fibres import HolzapfelGasserOgden
     from jaxfsi.core.laws.fluid import Blood
     from jaxfsi.core.laws.materials import (
         AbstractMaterial,

@@ -7,6 +7,7 @@ from lumped.lazy_package import import_on_first_use
 if TYPE_CHECKING:
     from jaxfsi.fields.frame import Grid
     from jaxfsi.fields.series import Entry, frame_name, read_series, write_series
+    from jaxfsi.fields.wall_frame import WallFrame, wall_frame
     from jaxfsi.fields.wall_shear import (
         WallPatches,
         wall_gradient,

@@ -8,6 +8,8 @@ With C = FᵀF, E = (C − I)/2, J = det F, shear modulus G, Lamé's λ and bulk
 | `SaintVenantKirchhoff` | F (λ tr(E) I + 2 G E + κ_p (J² − 1)/2 C⁻¹) | Bonet & Wood 2008, 6.28 |
 | `NeoHookean` | F (G J^(−2/3) (I − tr(C)/3 C⁻¹) + κ (J² − 1)/2 C⁻¹) | Simo & Taylor 1991 |
 
+`laws.fibres` has the neo-Hookean material with collagen fibres.
+
 svMultiPhysics (2026) adds a volumetric penalty κ_p (J² − 1)/2 C⁻¹ to the stress of every material
 of its displacement-based wall, also to the whole St. Venant-Kirchhoff stress; unless the case says
 otherwise κ_p is the bulk modulus E/(3 (1 − 2ν)). Its predecessor svFSI leaves the penalty out of

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from jaxfsi import reordered
+from jaxfsi.core.step.model import WallElement
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.core.step.stepper import prepare
 from jaxfsi.mesh import INTERFACE
@@ -43,6 +44,8 @@ from jaxfsi.verification.figures import (
 )
 from jaxfsi.verification.round_tube import round_tube
 
+_BOTH: tuple[WallElement, ...] = ("linear", "bending")
+
 SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
 
 
@@ -63,16 +66,25 @@ def wave() -> Iterator[Figure]:
 def pulse() -> Iterator[Figure]:
     """Largest displacement of a tube of Hooke's law, extrapolated in mesh and step."""
     low, high = tube_wave.PULSE_DISPLACEMENT
-    sizes = ((16, 40, 2, 1e-4), (24, 60, 3, 1e-4 / 1.5))
-    found = [
-        tube_wave.largest_displacement(tube_wave.wave_mesh(around, axial, layers), dt=dt)
-        for around, axial, layers, dt in sizes
-    ]
-    # All errors are of second order and go with the size of the elements.
-    ratio = (sizes[1][0] / sizes[0][0]) ** 2
-    limit = found[1] + (found[1] - found[0]) / (ratio - 1.0)
-    course = f"radial displacement [cm], limit of {found[0]:.4f} and {found[1]:.4f}"
-    yield in_band("3dTube", course, limit, low, high)
+    sizes = ((16, 40, 1e-4), (24, 60, 1e-4 / 1.5))
+    cases: tuple[tuple[WallElement, tuple[int, int]], ...] = (
+        ("quadratic", (2, 3)),
+        ("bending", (1, 1)),
+    )
+    for element, layers in cases:
+        meshes = [
+            tube_wave.wave_mesh(around, axial, n, columns=element == "bending")
+            for (around, axial, _), n in zip(sizes, layers, strict=True)
+        ]
+        found = [
+            tube_wave.largest_displacement(mesh, dt=dt, wall_element=element)
+            for mesh, (*_, dt) in zip(meshes, sizes, strict=True)
+        ]
+        # All errors are of second order and go with the size of the elements.
+        ratio = (sizes[1][0] / sizes[0][0]) ** 2
+        limit = found[1] + (found[1] - found[0]) / (ratio - 1.0)
+        course = f"radial displacement [cm], limit of {found[0]:.4f} and {found[1]:.4f}"
+        yield in_band(f"3dTube, {element} elements", course, limit, low, high)
 
 
 def rigid() -> Iterator[Figure]:
@@ -120,6 +132,7 @@ def windkessel_cases() -> dict[str, tuple[Any, ...]]:
 
 def prestress() -> Iterator[Figure]:
     """Stresses of a pipe that carries a pressure undeformed."""
+    yield from prestressed_pipe.pipe_figures(prestressed_pipe.pipe_mesh(32, 120), "bending")
     folder = SHARED_DATA / "svfsi-tests" / "pipe_prestress" / "wall_mesh-complete"
     if folder.is_dir():
         labels = {
@@ -165,27 +178,40 @@ def orders() -> Iterator[Figure]:
 def speed() -> Iterator[Figure]:
     """Speed of waves in an elastic tube."""
     problem = elastic_tube.ElasticTube()
-    mesh = elastic_tube.elastic_mesh(problem)
-    found = elastic_tube.wave_speed(mesh, problem, n_quarter=20, n_quarters=12)
-    yield figure("elastic tube", "wave speed [cm/s]", found.speed, found.exact_speed, 0.01)
+    for element in _BOTH:
+        mesh = elastic_tube.elastic_mesh(problem, columns=element == "bending")
+        found = elastic_tube.wave_speed(
+            mesh, problem, n_quarter=20, n_quarters=12, wall_element=element
+        )
+        name = f"elastic tube, {element} elements"
+        yield figure(name, "wave speed [cm/s]", found.speed, found.exact_speed, 0.01)
 
 
 def volume() -> Iterator[Figure]:
     """Balance of volume over a cycle."""
-    mesh = coupled_tube.coupled_mesh()
-    model = coupled_tube.coupled_model(mesh)
-    n_steps = 120
-    stepper = prepare(coupled_tube.PERIOD / n_steps, model)
-    wall = volume_balance.wet_wall(mesh)
-    books = volume_balance.keep_books(model, initial_state(model), stepper, wall, n_steps)
-    errors = volume_balance.volume_errors(books)
-    yield figure("volume", "lumen and ports over a cycle, of the flow", errors.cycle, 0.0, 1e-6)
-    yield figure("volume", "equations of a step, of the flow", errors.equation, 0.0, 3e-5)
+    for element in _BOTH:
+        mesh = coupled_tube.coupled_mesh(columns=element == "bending")
+        model = coupled_tube.coupled_model(mesh, wall_element=element)
+        n_steps = 120
+        stepper = prepare(coupled_tube.PERIOD / n_steps, model)
+        wall = volume_balance.wet_wall(mesh)
+        books = volume_balance.keep_books(model, initial_state(model), stepper, wall, n_steps)
+        errors = volume_balance.volume_errors(books)
+        name = f"volume, {element} elements"
+        yield figure(name, "lumen and ports over a cycle, of the flow", errors.cycle, 0.0, 1e-6)
+        yield figure(name, "equations of a step, of the flow", errors.equation, 0.0, 3e-5)
 
 
 def gradients() -> Iterator[Figure]:
     """Derivatives through 50 coupled steps against central differences; their cost."""
-    model = coupled_tube.coupled_model(coupled_tube.coupled_mesh())
+    for element in _BOTH:
+        yield from _gradients(element)
+
+
+def _gradients(element: WallElement) -> Iterator[Figure]:
+    mesh = coupled_tube.coupled_mesh(columns=element == "bending")
+    model = coupled_tube.coupled_model(mesh, wall_element=element)
+    problem_name = f"derivative, {element} elements"
     stepper = prepare(1e-3, model, tolerance=1e-10, max_linear=120, max_nonlinear=8)
     numbers = (jnp.asarray(value, float) for value in coupled_tube.TubeParameters())
     parameters = coupled_tube.TubeParameters(*numbers)
@@ -198,19 +224,19 @@ def gradients() -> Iterator[Figure]:
     names = coupled_tube.TubeParameters._fields
     compared = derivatives.compare_each(pressure, slope, parameters)
     for name, c in zip(names, compared, strict=True):
-        yield figure("derivative", f"d P_outlet/d {name}", c.derivative, c.difference, 1e-4)
+        yield figure(problem_name, f"d P_outlet/d {name}", c.derivative, c.difference, 1e-4)
     direction = jax.tree.map(lambda p: 0.01 * p + 1e-4, parameters)
     forward = coupled_tube.outlet_pressure_slope(parameters, direction, *problem)
     # either solves the systems of its steps to 1e-6
     reverse = sum(float(a * b) for a, b in zip(slope, direction, strict=True))
-    yield figure("derivative", "forward against reverse mode", float(forward), reverse, 1e-5)
+    yield figure(problem_name, "forward against reverse mode", float(forward), reverse, 1e-5)
     seconds = []
     for function in (coupled_tube.outlet_pressure, coupled_tube.outlet_pressure_gradient):
         start = time.perf_counter()
         jax.block_until_ready(function(parameters, *problem))
         seconds.append(time.perf_counter() - start)
     cost = seconds[1] / seconds[0]
-    yield figure("derivative", "cost of all eight, in forward runs", cost, 0.0, 3.0)
+    yield figure(problem_name, "cost of all eight, in forward runs", cost, 0.0, 3.0)
 
 
 PROBLEMS: dict[str, Callable[[], Iterator[Figure]]] = {

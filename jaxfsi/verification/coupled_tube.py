@@ -19,7 +19,7 @@ from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.ports.block import BlockPort
 from jaxfsi.core.ports.flow import FlowPort
 from jaxfsi.core.step.march import march
-from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.core.step.state import State
 from jaxfsi.core.step.stepper import Stepper
 from jaxfsi.mesh import Mesh
@@ -62,8 +62,8 @@ class TubeParameters(NamedTuple):
     outwards: Parameter = 0.0
 
 
-def coupled_mesh(*, n_around: int = 8, n_axial: int = 8) -> Mesh:
-    """The tube with one layer of elements in its wall."""
+def coupled_mesh(*, n_around: int = 8, n_axial: int = 8, columns: bool = False) -> Mesh:
+    """The tube with one layer of elements in its wall, in columns or not."""
     return tube(
         radius=RADIUS,
         length=LENGTH,
@@ -72,10 +72,11 @@ def coupled_mesh(*, n_around: int = 8, n_axial: int = 8) -> Mesh:
         n_axial=n_axial,
         n_layers=1,
         n_rings=2,
+        columns=columns,
     )
 
 
-def coupled_model(mesh: Mesh) -> Model:
+def coupled_model(mesh: Mesh, *, wall_element: WallElement = "linear") -> Model:
     """The problem with its default parameters."""
     p = TubeParameters()
     inflow = Sinusoid(p.amplitude, p.amplitude, PERIOD, np.pi)
@@ -87,6 +88,7 @@ def coupled_model(mesh: Mesh) -> Model:
         },
         blood=Blood(),
         wall=Wall(NeoHookean(p.E, POISSON), rho_s=1.1),
+        wall_element=wall_element,
     )
 
 
@@ -101,6 +103,7 @@ def with_parameters(model: Model, parameters: TubeParameters) -> Model:
             BlockPort(RCR(p.R_proximal, p.C, p.R_distal, p.P_ref)),
         ),
         wall=Wall(NeoHookean(p.E, POISSON), rho_s=1.1),
+        wall_element=wall_element,
     )
 
 

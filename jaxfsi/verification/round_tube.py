@@ -17,6 +17,7 @@ def round_tube(
     thickness: float | None = None,
     n_layers: int = 1,
     grading: float = 0.5,
+    columns: bool = False,
 ) -> Mesh:
     """A `tube` whose polygonal lumen and wall have the areas of circle and annulus.
 
@@ -29,6 +30,7 @@ def round_tube(
         thickness: of the wall [cm]; None for a tube without a wall.
         n_layers: layers of elements through the wall.
         grading: share by which the outermost ring is thinner than their mean.
+        columns: build the wall in columns, so that it has wedges.
     """
     angle = 2.0 * np.pi / n_around
     scale = np.sqrt(angle / np.sin(angle))
@@ -48,4 +50,5 @@ def round_tube(
         n_layers=0 if thickness is None else n_layers,
         n_rings=n_rings,
         mapping=towards_wall,
+        columns=columns,
     )

@@ -105,8 +105,8 @@ PULSE_TUBE = WaveProblem(LinearElastic(YOUNG, POISSON), pressure=1.3333e4)
 """The tube of solids4foam's case 3dTube: 1333.3 Pa for 3 ms, to 20 ms."""
 
 
-def wave_mesh(n_around: int, n_axial: int, n_layers: int) -> Mesh:
-    """The tube with so many elements round, along and through its wall."""
+def wave_mesh(n_around: int, n_axial: int, n_layers: int, *, columns: bool = False) -> Mesh:
+    """The tube with so many elements round, along and through its wall, in columns or not."""
     return round_tube(
         radius=RADIUS,
         length=LENGTH,
@@ -116,6 +116,7 @@ def wave_mesh(n_around: int, n_axial: int, n_layers: int) -> Mesh:
         n_rings=n_around // 5,
         n_layers=n_layers,
         grading=0.0,
+        columns=columns,
     )
 
 

@@ -15,6 +15,7 @@ from jaxfsi.verification import (
     derivatives,
     ethier_steinman,
     nozzle,
+    prestressed_pipe,
 )
 from jaxfsi.verification.elastic_tube import ElasticTube, elastic_mesh, wave_speed
 from jaxfsi.verification.figures import observed_orders
@@ -58,6 +59,11 @@ def test_pulse_tube_tends_to_the_published_displacement():
     assert limit == pytest.approx(np.mean(PULSE_DISPLACEMENT), rel=0.03)
 
 
+def test_prestressed_pipe_of_wedges_has_the_stresses_of_lame():
+    for f in prestressed_pipe.pipe_figures(prestressed_pipe.pipe_mesh(32, 120), "bending"):
+        assert f.passed, f
+
+
 def test_rigid_tube_has_the_resistance_of_poiseuille_and_the_impedance_of_womersley():
     mesh = round_tube(radius=0.5, length=3.0, n_around=32, n_axial=12, n_rings=8)
     # (h/R)²/3 for rings of h = R/8: 0.5 %; the profile's error is 0.9 (h/R)².
@@ -86,9 +92,11 @@ def test_velocity_converges_with_order_two_in_space_and_time():
     assert observed_orders(1.0 / np.array([6, 12]), np.array(errors))[0] > 1.9
 
 
-def test_wave_speed_in_an_elastic_tube():
+@pytest.mark.parametrize("element", ["linear", "bending"])
+def test_wave_speed_in_an_elastic_tube(element):
     problem = ElasticTube()
-    found = wave_speed(elastic_mesh(problem), problem, n_quarter=20, n_quarters=12)
+    mesh = elastic_mesh(problem, columns=element == "bending")
+    found = wave_speed(mesh, problem, n_quarter=20, n_quarters=12, wall_element=element)
     assert found.speed == pytest.approx(found.exact_speed, rel=0.01)
     # Five rings hardly resolve a layer of 0.07 cm that takes the energy away.
     assert found.attenuation == pytest.approx(found.exact_attenuation, rel=0.1)

@@ -103,7 +103,6 @@ def with_parameters(model: Model, parameters: TubeParameters) -> Model:
             BlockPort(RCR(p.R_proximal, p.C, p.R_distal, p.P_ref)),
         ),
         wall=Wall(NeoHookean(p.E, POISSON), rho_s=1.1),
-        wall_element=wall_element,
     )
 
 

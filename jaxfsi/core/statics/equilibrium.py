@@ -10,6 +10,7 @@ derivative is that of the equilibrium (implicit function theorem); not a number 
 iterations do not solve its system.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -24,7 +25,7 @@ from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.contact import contact_force, contact_product, contact_slope
 from jaxfsi.core.laws.interface import MidEdgeInterface, mid_edge_load
 from jaxfsi.core.laws.tissue import tissue_force
-from jaxfsi.core.laws.wall_balance import wall_geometry, wall_residual
+from jaxfsi.core.laws.wall_balance import WallShape, wall_geometry, wall_residual
 from jaxfsi.core.solve.krylov import fgmres
 from jaxfsi.core.solve.wall_blocks import vertex_block
 from jaxfsi.core.solve.wall_factor import WallFactor, wall_factor, wall_solve, wall_solve_transposed
@@ -214,6 +215,32 @@ def equilibrium(
     return end
 
 
+def _resistance(d: Field, model: Model, shape: WallShape) -> Field:
+    """Forces of the wall, of the tissue outside and of sides that nearly touch [dyn]."""
+    assert model.wall is not None
+    zero = jnp.zeros_like(d)
+    r = wall_residual(zero, zero, d, model.wall, model.element, shape, model.prestress)
+    r = r + tissue_force(model.wall.support_stiffness * d, model)
+    return r if model.contact is None else r + contact_force(d, model.x, model.contact)
+
+
+def _stiffness(d: Field, model: Model, shape: WallShape) -> Callable[[Field], Field]:
+    """Derivative of `_resistance`, as a product."""
+    assert model.wall is not None
+    wall, contact, zero = model.wall, model.contact, jnp.zeros_like(d)
+    about = wall_tangent(zero, d, STATIC, wall, model.element, shape, model.prestress)
+    slope = None if contact is None else contact_slope(d, model.x, contact)
+
+    def product(v: Field) -> Field:
+        r = apply_wall(about, v, model.element, shape)
+        r = r + tissue_force(wall.support_stiffness * v, model)
+        if contact is None or slope is None:
+            return r
+        return r + contact_product(slope, v, contact)
+
+    return product
+
+
 @eqx.filter_jit
 def _equilibrium(model, loads, factor, options) -> Equilibrium:
     n_load_steps, tolerance, max_newton, max_linear, reduction, derivative = options
@@ -228,28 +255,17 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
 
     def out_of_balance(flat, scale):
         d = flat.reshape(3, -1)
-        r = wall_residual(zero, zero, d, model.wall, model.element, shape, model.prestress)
-        r = r + tissue_force(model.wall.support_stiffness * d, model)
-        if model.contact is not None:
-            r = r + contact_force(d, model.x, model.contact)
-        r = r - scale * load_forces(loads, d, model)
+        r = _resistance(d, model, shape) - scale * load_forces(loads, d, model)
         return jnp.where(free, r, d).reshape(-1)
 
     def tangent(flat, scale):
         d = flat.reshape(3, -1)
-        contact = None
-        if model.contact is not None:
-            contact = contact_slope(d, model.x, model.contact)
-        about = wall_tangent(zero, d, STATIC, model.wall, model.element, shape, model.prestress)
+        stiffness = _stiffness(d, model, shape)
         _, load_change = jax.linearize(lambda d: load_forces(loads, d, model), d)
 
         def product(flat):
             v = flat.reshape(3, -1)
-            r = apply_wall(about, v, model.element, shape)
-            r = r + tissue_force(model.wall.support_stiffness * v, model)
-            if model.contact is not None and contact is not None:
-                r = r + contact_product(contact, v, model.contact)
-            return jnp.where(free, r - scale * load_change(v), v).reshape(-1)
+            return jnp.where(free, stiffness(v) - scale * load_change(v), v).reshape(-1)
 
         return product
 

@@ -156,7 +156,6 @@ def build_model(
     labels = [name for name in mesh.label_names if name.endswith(RING_SUFFIX)]
     clamped = tuple(labels) if clamped is None else tuple(clamped)
     _check(mesh, ports, wall, clamped)
-    _check_element(wall_element)
     n_nodes = len(mesh.points)
     fluid, solid = mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID)
     element, ends, held = _wall_elements(mesh, solid, wall_element)
@@ -209,6 +208,7 @@ def _wall_elements(
     mesh: Mesh, solid: Int[np.ndarray, "tets 4"], kind: str
 ) -> tuple[WallElements, Int[np.ndarray, "edges 2"], Bool[np.ndarray, " edges"]]:
     """Elements of the wall, ends of the edges that carry unknowns, and which of them are held."""
+    _check_element(kind)
     n_nodes = len(mesh.points)
     if kind == "linear" or not len(solid):
         linear = LinearElement(jnp.asarray(solid.T, jnp.int32))

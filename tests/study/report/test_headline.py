@@ -176,6 +176,7 @@ def studied(measured: float | None, rest_ratio: float = 0.91) -> Any:
     return types.SimpleNamespace(
         case=case,
         choice=types.SimpleNamespace(rules=("printed", "all")),
+        collapsed={},
         loop=types.SimpleNamespace(ratio=rest_ratio, alpha=0.3, reached=rest_ratio == 0.91),
         calibrated=[
             types.SimpleNamespace(condition="dobutamine", rule=rule, ratio=ratio, is_rest=False)

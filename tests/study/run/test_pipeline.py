@@ -130,10 +130,12 @@ def test_fixed_outlet_is_compared_with_the_measurement(result):
 
 def test_provenance_names_inputs_versions_and_command(result):
     made = result["provenance"]
-    assert [entry["file"] for entry in made["inputs"]] == [
-        "case.toml", "rest_diastole_contours.csv", "rest_frames.csv",
-        "rest_diastole_reference.csv", "centerline.csv",
+    names = [entry["file"] for entry in made["inputs"]]
+    assert names[:4] == [
+        "case.toml", "rest_diastole_contours.csv", "rest_frames.csv", "rest_diastole_reference.csv",
     ]  # fmt: skip
+    assert "centerline.csv" in names
+    assert len(set(names)) == len(names)
     assert all(len(entry["sha256"]) == 64 for entry in made["inputs"])
     assert made["command"][:3] == ["jaxfsi", "run", "--demo"]
     assert made["versions"]["jax"]

@@ -192,7 +192,7 @@ def volume() -> Iterator[Figure]:
     for element in _BOTH:
         mesh = coupled_tube.coupled_mesh(columns=element == "bending")
         model = coupled_tube.coupled_model(mesh, wall_element=element)
-        n_steps = 120
+        n_steps = 160
         stepper = prepare(coupled_tube.PERIOD / n_steps, model)
         wall = volume_balance.wet_wall(mesh)
         books = volume_balance.keep_books(model, initial_state(model), stepper, wall, n_steps)

@@ -19,13 +19,8 @@ from jaxfsi.anatomy import Anatomy
 from jaxfsi.core.laws.contact import LeastGap
 from jaxfsi.core.laws.materials import SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
-from jaxfsi.core.statics.equilibrium import (
-    Equilibrium,
-    Loads,
-    equilibrium,
-    pressure_load,
-    static_factor,
-)
+from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium, static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.core.step.state import State, initial_state
 from jaxfsi.meshing import build_mesh

@@ -26,15 +26,8 @@ from jaxfsi.core.elements.bending import BendingPrestress
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.wall_balance import second_stress, wall_geometry
 from jaxfsi.core.solve.wall_factor import WallFactor
-from jaxfsi.core.statics.equilibrium import (
-    RESULTS,
-    Loads,
-    PressureLoad,
-    equilibrium,
-    load_forces,
-    pressure_load,
-    static_factor,
-)
+from jaxfsi.core.statics.equilibrium import RESULTS, equilibrium, static_factor
+from jaxfsi.core.statics.loads import Loads, PressureLoad, load_forces, pressure_load
 from jaxfsi.core.step.model import Model
 from jaxfsi.fields.lumen_rings import LumenRings
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, Mesh

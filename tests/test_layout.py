@@ -15,7 +15,7 @@ _MEASURED = ("lumped", "jaxfsi", "calibration", "diagnosis", "study", "benchmark
 MODULE_LINES, FUNCTION_LINES = 400, 60
 LONGER = {
     ("jaxfsi/core/laws/fluid.py", "fluid_residual"): 69,  # one weak form between fusion barriers
-    ("jaxfsi/core/statics/equilibrium.py", "_equilibrium"): 100,  # closures of one implicit root
+    ("jaxfsi/core/statics/equilibrium.py", "_equilibrium"): 97,  # closures of one implicit root
 }
 """Functions that may be longer, up to so many lines; take out what is not."""
 SHARED_NAMES = {"RESULTS", "Note"}

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from jaxfsi.core.ports.port import AbstractPort, AbstractTractionPort, AbstractVelocityPort
     from jaxfsi.core.ports.pressure import PressurePort
     from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort
-    from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium, pressure_load
+    from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium
+    from jaxfsi.core.statics.loads import pressure_load
     from jaxfsi.core.statics.prestress import Prestress, prestressed
     from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
     from jaxfsi.core.step.march import March, march

@@ -22,6 +22,7 @@ from jaxfsi.core.laws.materials import (
     determinant,
     plus_identity,
     product,
+    stacked,
     transposed,
 )
 from jaxfsi.core.laws.solid import Wall, cauchy_stress, deformation_gradients, inelastic_stress
@@ -82,7 +83,7 @@ def wall_stress(
     square = 1.5 * added(deviator[i][j] ** 2 for i in range(3) for j in range(3))
     loaded = square > 0.0
     von_mises = jnp.where(loaded, jnp.sqrt(jnp.where(loaded, square, 1.0)), 0.0)
-    return WallStress(_stacked(sigma), von_mises, strain)
+    return WallStress(stacked(sigma), von_mises, strain)
 
 
 def _tet_stress(
@@ -96,22 +97,12 @@ def _tet_stress(
     """Cauchy stress and Green's strain, the mean of the quadrature points."""
     F = deformation_gradients(d, element, shape)
     elastic = cauchy_stress(d, wall, element, shape, prestress)
-    points = range(len(F))
-    viscous = [_viscous(f, H, wall) for f, H in zip(F, element.gradients(u, shape), strict=True)]
-    sigma = [
-        [added(elastic[i, j, g] + viscous[g][i][j] for g in points) / len(F) for j in range(3)]
-        for i in range(3)
-    ]
-    share = 0.5 / len(F)
-    strain = combined(*((share, plus_identity(product(transposed(f), f), -1.0)) for f in F))
-    return _stacked(sigma), _stacked(strain)
+    sigma = combined((1.0, elastic), (1.0, _viscous(F, element.gradients(u, shape), wall)))
+    strain = combined((0.5, plus_identity(product(transposed(F), F), -1.0)))
+    return jnp.mean(stacked(sigma), axis=2), jnp.mean(stacked(strain), axis=2)
 
 
 def _viscous(F: Tensor, gradients: Tensor, wall: Wall) -> Tensor:
     """Cauchy stress of the Kelvin-Voigt viscosity."""
     stress = inelastic_stress(F, gradients, wall, None)
     return combined((1.0 / determinant(F), product(stress, transposed(F))))
-
-
-def _stacked(tensor) -> Float[Array, "3 3 tets"]:
-    return jnp.stack([jnp.stack(list(row)) for row in tensor])

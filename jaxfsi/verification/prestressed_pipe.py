@@ -34,7 +34,8 @@ from jaxfsi.core.elements.wall import AbstractWallElement
 from jaxfsi.core.laws.materials import NeoHookean
 from jaxfsi.core.laws.solid import Wall, cauchy_stress
 from jaxfsi.core.laws.wedge_solid import wedge_stress_and_strain
-from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
+from jaxfsi.core.statics.equilibrium import static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.mesh import INTERFACE, Mesh

@@ -27,7 +27,7 @@ from jaxtyping import Array, Float
 
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.solid import Wall
-from jaxfsi.core.statics.equilibrium import Loads, pressure_load
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.mesh import INTERFACE, Mesh
 from jaxfsi.meshing import ring, strip

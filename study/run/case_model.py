@@ -19,7 +19,8 @@ from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.viscosity import CarreauYasuda, Newtonian
 from jaxfsi.core.ports.port import AbstractPort
 from jaxfsi.core.ports.pressure import PressurePort
-from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
+from jaxfsi.core.statics.equilibrium import static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model, build_model
 from lumped.waveforms import Constant

@@ -20,7 +20,8 @@ from calibration.wall_stiffness import (
 from jaxfsi.adjoint.lumen_shape import lumen_surface, thickness_field
 from jaxfsi.core.laws.materials import NeoHookean
 from jaxfsi.core.laws.solid import Wall
-from jaxfsi.core.statics.equilibrium import Loads, pressure_load, static_factor
+from jaxfsi.core.statics.equilibrium import static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import build_model
 from jaxfsi.fields.lumen_rings import lumen_rings

@@ -39,8 +39,8 @@ from jaxfsi.core.elements.linear import (
     scatter,
     total,
 )
-from jaxfsi.core.elements.wall import AbstractWallElement, Points, Pressure
-from jaxfsi.core.laws.materials import AbstractMaterial
+from jaxfsi.core.elements.wall import AbstractWallElement, Pressure
+from jaxfsi.core.laws.materials import AbstractMaterial, Tensor
 
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 """Corners of the six edges of a tetrahedron."""
@@ -66,40 +66,40 @@ class QuadraticElement(AbstractWallElement):
     tets: Int[Array, "4 tets"]
     edges: Int[Array, "6 tets"]
 
-    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Tensor:
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
-        rows = [[] for _ in range(4)]
         values = [
             (corners(component, self.tets), self._edge_values(component)) for component in field
         ]
+        rows = []
         for d, w in fusion_barrier(values, shape):
             common = gradient(
                 tuple(d[a] + 4.0 * FAR * self._at_corner(w, a) for a in range(4)), shape
             )
-            for g in range(4):
-                bow = [
-                    added(w[_EDGE[a, g]] * shape.grad[j][a] for a in range(4) if a != g)
-                    for j in range(3)
-                ]
-                rows[g].append([common[j] + _SPREAD * bow[j] for j in range(3)])
-        return fusion_barrier(tuple(rows), shape)
+            bow = [jnp.stack([self._bow(w, g, shape.grad[j]) for g in range(4)]) for j in range(3)]
+            rows.append([common[j] + _SPREAD * bow[j] for j in range(3)])
+        return fusion_barrier(rows, shape)
+
+    def _bow(self, w: list[Float[Array, " tets"]], g: int, grad: Corners) -> Float[Array, " tets"]:
+        """Σ_{a≠g} ∂N_a/∂X_j w_ag."""
+        return added(w[_EDGE[a, g]] * grad[a] for a in range(4) if a != g)
 
     def law(self, material: AbstractMaterial) -> AbstractMaterial:
         """The material with λ ≤ 2G."""
         return material.split()[0]
 
     def pressures(
-        self, F: Points, material: AbstractMaterial, shape: Geometry, n: int
+        self, F: Tensor, material: AbstractMaterial, shape: Geometry, n: int
     ) -> tuple[Pressure, ...]:
         """Pressures k U′(q_v) of what λ has beyond 2G."""
         moduli = material.split()[1]
-        measured = [material.volumes(f) for f in F]
-        share = self._share(shape, n)
         result = []
-        for m, (k, response) in enumerate(zip(moduli, material.responses, strict=True)):
-            inside = self._averaged(tuple(point[m].value for point in measured), shape, n)
+        for volume, k, response in zip(
+            material.volumes(F), moduli, material.responses, strict=True
+        ):
+            inside = self._averaged(volume.value, shape, n)
             quarter = shape.volume / 4.0
-            modulus = scatter((k * quarter,) * 4, self.tets, n) / share
+            modulus = scatter((k * quarter,) * 4, self.tets, n) / self._share(shape, n)
             # Where no element is, any measure that is not singular will do.
             used = modulus > 0.0
             inside = jnp.where(used, inside, 1.0)
@@ -108,7 +108,12 @@ class QuadraticElement(AbstractWallElement):
             result.append(Pressure(self._at_points(p), slope))
         return tuple(result)
 
-    def spread(self, q: Corners, stiffness: Float[Array, " nodes"], shape: Geometry) -> Corners:
+    def spread(
+        self,
+        q: Float[Array, "points tets"],
+        stiffness: Float[Array, " nodes"],
+        shape: Geometry,
+    ) -> Float[Array, "points tets"]:
         """Change of a pressure at the quadrature points, of its measure's change q there."""
         return self._at_points(stiffness * self._averaged(q, shape, stiffness.shape[0]))
 
@@ -117,43 +122,43 @@ class QuadraticElement(AbstractWallElement):
         share = scatter((shape.volume / 4.0,) * 4, self.tets, n)
         return jnp.where(share > 0.0, share, 1.0)
 
-    def _averaged(self, q: Corners, shape: Geometry, n: int) -> Float[Array, " nodes"]:
+    def _averaged(
+        self, q: Float[Array, "points tets"], shape: Geometry, n: int
+    ) -> Float[Array, " nodes"]:
         """q_v of each vertex."""
-        quarter, whole = shape.volume / 4.0, total(q)
-        part = tuple(quarter * (FAR * whole + (NEAR - FAR) * value) for value in q)
-        return scatter(part, self.tets, n) / self._share(shape, n)
+        part = shape.volume / 4.0 * (FAR * jnp.sum(q, axis=0) + (NEAR - FAR) * q)
+        return scatter(tuple(part), self.tets, n) / self._share(shape, n)
 
-    def _at_points(self, p: Float[Array, " nodes"]) -> Corners:
+    def _at_points(self, p: Float[Array, " nodes"]) -> Float[Array, "points tets"]:
         """A linear field of the vertices at the quadrature points."""
         at_corner = corners(p, self.tets)
-        common = FAR * total(at_corner)
-        return tuple(common + (NEAR - FAR) * value for value in at_corner)
+        return FAR * total(at_corner) + (NEAR - FAR) * jnp.stack(at_corner)
 
     def forces(
         self,
-        stress: Points,
+        stress: Tensor,
         a: Float[Array, "3 nodes"],
         mass: Float[Array, " tets"],
         shape: Geometry,
     ) -> Float[Array, "3 nodes"]:
         """∫ P ∇N dV + ∫ ρ_s N a dV [dyn]."""
         grad = shape.grad
-        quarter = shape.volume / 4.0
-        stress = fusion_barrier(stress, shape)
         rows = []
-        for i in range(3):
-            P = [[quarter * point[i][j] for j in range(3)] for point in stress]
-            common = [added(P[g][j] for g in range(4)) for j in range(3)]
-            pull = [added(common[j] * grad[j][c] for j in range(3)) for c in range(4)]
+        for i, row in enumerate(fusion_barrier(stress, shape)):
+            P = [shape.volume / 4.0 * value for value in row]
+            whole = [added(value) for value in P]
+            pull = [added(whole[j] * grad[j][c] for j in range(3)) for c in range(4)]
             vertex, edge = self._inertia(a[i], mass)
             vertex = tuple(m + p for m, p in zip(vertex, pull, strict=True))
             for k, (b, c) in enumerate(EDGES):
-                own = added(P[c][j] * grad[j][b] + P[b][j] * grad[j][c] for j in range(3))
+                own = added(P[j][c] * grad[j][b] + P[j][b] * grad[j][c] for j in range(3))
                 edge[k] = edge[k] + 4.0 * FAR * (pull[b] + pull[c]) + _SPREAD * own
-            row = scatter(vertex, self.tets, a.shape[1])
-            for k, values in enumerate(edge):
-                row = row.at[self.edges[k]].add(values, mode=IN_BOUNDS, wrap_negative_indices=False)
-            rows.append(row)
+            values = scatter(vertex, self.tets, a.shape[1])
+            for k, value in enumerate(edge):
+                values = values.at[self.edges[k]].add(
+                    value, mode=IN_BOUNDS, wrap_negative_indices=False
+                )
+            rows.append(values)
         return jnp.stack(rows)
 
     def _inertia(

@@ -17,7 +17,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.linear import (
-    Corners,
     Geometry,
     added,
     fusion_barrier,
@@ -28,9 +27,6 @@ from jaxfsi.core.elements.linear import (
 )
 from jaxfsi.core.laws.materials import AbstractMaterial, Tensor
 from lumped.parameters import Parameter
-
-Points = tuple[Tensor, ...]
-"""A tensor at each quadrature point of the elements."""
 
 
 class Weights(NamedTuple):
@@ -55,17 +51,20 @@ class Pressure(NamedTuple):
         stiffness: its change with the averaged measure of the volume round each vertex [dyn/cm²].
     """
 
-    value: Corners
+    value: Float[Array, "points tets"]
     stiffness: Float[Array, " nodes"]
 
 
 class AbstractWallElement(eqx.Module):
-    """Kinematics of the wall. Quadrature points have equal weights."""
+    """Kinematics of the wall.
+
+    Quadrature points have equal weights. The components of a tensor have them as their first axis.
+    """
 
     tets: eqx.AbstractVar[Int[Array, "4 tets"]]
 
     @abc.abstractmethod
-    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Tensor:
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
 
     @abc.abstractmethod
@@ -74,7 +73,7 @@ class AbstractWallElement(eqx.Module):
 
     @abc.abstractmethod
     def pressures(
-        self, F: Points, material: AbstractMaterial, shape: Geometry, n: int
+        self, F: Tensor, material: AbstractMaterial, shape: Geometry, n: int
     ) -> tuple[Pressure, ...]:
         """Nodally averaged volumetric pressures of the material, one for each volume measure.
 
@@ -86,7 +85,12 @@ class AbstractWallElement(eqx.Module):
         """
 
     @abc.abstractmethod
-    def spread(self, q: Corners, stiffness: Float[Array, " nodes"], shape: Geometry) -> Corners:
+    def spread(
+        self,
+        q: Float[Array, "points tets"],
+        stiffness: Float[Array, " nodes"],
+        shape: Geometry,
+    ) -> Float[Array, "points tets"]:
         """Change of a pressure at the quadrature points.
 
         Args:
@@ -98,7 +102,7 @@ class AbstractWallElement(eqx.Module):
     @abc.abstractmethod
     def forces(
         self,
-        stress: Points,
+        stress: Tensor,
         a: Float[Array, "3 nodes"],
         mass: Float[Array, " tets"],
         shape: Geometry,
@@ -122,27 +126,33 @@ class LinearElement(AbstractWallElement):
 
     tets: Int[Array, "4 tets"]
 
-    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Points:
+    def gradients(self, field: Float[Array, "3 nodes"], shape: Geometry) -> Tensor:
         """Gradient ∂f_i/∂X_j of a field at the quadrature points."""
-        return ([gradient(component, shape) for component in vector_corners(field, self.tets)],)
+        along = [gradient(component, shape) for component in vector_corners(field, self.tets)]
+        return [[value[None] for value in row] for row in along]
 
     def law(self, material: AbstractMaterial) -> AbstractMaterial:
         """All of the material."""
         return material
 
     def pressures(
-        self, F: Points, material: AbstractMaterial, shape: Geometry, n: int
+        self, F: Tensor, material: AbstractMaterial, shape: Geometry, n: int
     ) -> tuple[Pressure, ...]:
         """None: no volumes are averaged."""
         return ()
 
-    def spread(self, q: Corners, stiffness: Float[Array, " nodes"], shape: Geometry) -> Corners:
+    def spread(
+        self,
+        q: Float[Array, "points tets"],
+        stiffness: Float[Array, " nodes"],
+        shape: Geometry,
+    ) -> Float[Array, "points tets"]:
         """The change itself: no volumes are averaged."""
         return q
 
     def forces(
         self,
-        stress: Points,
+        stress: Tensor,
         a: Float[Array, "3 nodes"],
         mass: Float[Array, " tets"],
         shape: Geometry,
@@ -154,11 +164,9 @@ class LinearElement(AbstractWallElement):
         own = scatter((share,) * 4, self.tets, a.shape[1])
         inertia = [share * total(corner) for corner in vector_corners(a, self.tets)]
         rows = []
-        for i, (row, whole) in enumerate(
-            zip(stress[0], fusion_barrier(inertia, shape), strict=True)
-        ):
+        for i, (row, whole) in enumerate(zip(stress, fusion_barrier(inertia, shape), strict=True)):
             force = tuple(
-                whole + V * added(grad[j][b] * row[j] for j in range(3)) for b in range(4)
+                whole + V * added(grad[j][b] * row[j][0] for j in range(3)) for b in range(4)
             )
             rows.append(own * a[i] + scatter(force, self.tets, a.shape[1]))
         return jnp.stack(rows)

@@ -30,7 +30,6 @@ Sources: Ko & Lee 2017, A 6-node triangular solid-shell element (MITC-S6), IJNME
 shear and thickness samples; Sze & Chan 2001 and Vu-Quoc & Tan 2003 for the enhanced strain.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -41,8 +40,8 @@ from jaxtyping import Array, Float, Int
 from jaxfsi.core.elements.linear import IN_BOUNDS, added, gathered
 from jaxfsi.core.laws.materials import Tensor, determinant_and_cofactor, product, transposed
 
-Vector = tuple[Float[Array, " wedges"], ...]
-"""The three components of a vector in each wedge."""
+Vector = tuple[Float[Array, "*points wedges"], ...]
+"""The three components of a vector in each wedge, or at its points."""
 
 WedgeCorners = tuple[Vector, ...]
 """A vector at each of the six nodes."""
@@ -79,7 +78,7 @@ class WedgeGeometry(NamedTuple):
 
     Attributes:
         corners: positions of the nodes [cm].
-        contravariant: G^i at the two points, row i [1/cm].
+        contravariant: G^i in row i, at the two points [1/cm].
         weight: of the two points [cm³].
         enhanced: ζ j₀/j at the two points.
         normal: |G³|² at the middle [1/cm²].
@@ -87,9 +86,9 @@ class WedgeGeometry(NamedTuple):
     """
 
     corners: WedgeCorners
-    contravariant: tuple[Tensor, Tensor]
-    weight: tuple[Float[Array, " wedges"], Float[Array, " wedges"]]
-    enhanced: tuple[Float[Array, " wedges"], Float[Array, " wedges"]]
+    contravariant: Tensor
+    weight: Float[Array, "2 wedges"]
+    enhanced: Float[Array, "2 wedges"]
     normal: Float[Array, " wedges"]
     volume: Float[Array, " wedges"]
 
@@ -103,22 +102,23 @@ def wedge_corners(field: Float[Array, "3 nodes"], wedges: WedgeElement) -> Wedge
 def wedge_geometry(x: Float[Array, "3 nodes"], wedges: WedgeElement) -> WedgeGeometry:
     """Shape of wedges with node positions x [cm]."""
     X = wedge_corners(x, wedges)
-    inverses, weights, dets = [], [], []
-    for zeta in (0.0, *POINTS):
-        base = _base(X, zeta)
-        det, cofactor = determinant_and_cofactor(base)
-        # Rows of the base are G_i; the inverse transposed has G^i as rows.
-        inverses.append([[c / det for c in row] for row in cofactor])
-        dets.append(det)
-    weights = (dets[1] / 2.0, dets[2] / 2.0)
-    enhanced = (POINTS[0] * dets[0] / dets[1], POINTS[1] * dets[0] / dets[2])
-    normal = added(inverses[0][2][i] ** 2 for i in _AXES)
-    return WedgeGeometry(
-        X, (inverses[1], inverses[2]), weights, enhanced, normal, weights[0] + weights[1]
-    )
+    det_0, cofactor_0 = determinant_and_cofactor(_base(X, 0.0))
+    zeta = _both_points(x)
+    det, cofactor = determinant_and_cofactor(_base(X, zeta))
+    weight = det / 2.0
+    enhanced = zeta * det_0 / det
+    normal = added((cofactor_0[2][i] / det_0) ** 2 for i in _AXES)
+    # Rows of the base are G_i; the inverse transposed has G^i as rows.
+    inverse = [[c / det for c in row] for row in cofactor]
+    return WedgeGeometry(X, inverse, weight, enhanced, normal, weight[0] + weight[1])
 
 
-def _base(x: WedgeCorners, zeta: float) -> list[Vector]:
+def _both_points(like: Array) -> Float[Array, "2 1"]:
+    """ζ of the quadrature points in the precision of an array."""
+    return jnp.asarray(POINTS, like.dtype)[:, None]
+
+
+def _base(x: WedgeCorners, zeta: float | Float[Array, "2 1"]) -> list[Vector]:
     """g_1, g_2, g_3 at the middle of the triangle."""
     g_1, g_2 = _in_plane(x, zeta)
     d = [_minus(x[i + 3], x[i]) for i in _AXES]
@@ -126,11 +126,9 @@ def _base(x: WedgeCorners, zeta: float) -> list[Vector]:
     return [g_1, g_2, g_3]
 
 
-def compatible_gradient(x: WedgeCorners, shape: WedgeGeometry, point: int) -> Tensor:
-    """F = Σ g_i ⊗ G^i of the nodes' positions at a quadrature point."""
-    base = _base(x, POINTS[point])
-    G = shape.contravariant[point]
-    return [[added(base[k][i] * G[k][j] for k in _AXES) for j in _AXES] for i in _AXES]
+def compatible_gradient(x: WedgeCorners, shape: WedgeGeometry) -> Tensor:
+    """F = Σ g_i ⊗ G^i of the nodes' positions at the quadrature points."""
+    return product(transposed(_base(x, _both_points(x[0][0]))), shape.contravariant)
 
 
 def _minus(a: Vector, b: Vector) -> Vector:
@@ -141,7 +139,7 @@ def _mean(a: Vector, b: Vector) -> Vector:
     return tuple((p + q) / 2.0 for p, q in zip(a, b, strict=True))
 
 
-def _in_plane(x: WedgeCorners, zeta: float) -> tuple[Vector, Vector]:
+def _in_plane(x: WedgeCorners, zeta: float | Float[Array, "2 1"]) -> tuple[Vector, Vector]:
     low, high = (1.0 - zeta) / 2.0, (1.0 + zeta) / 2.0
 
     def along(k: int) -> Vector:
@@ -196,14 +194,14 @@ def nodal_forces(t: Samples, x: WedgeCorners) -> WedgeCorners:
     return pull(tuple(t))[0]
 
 
-def point_strain(e: Samples, alpha: Array, shape: WedgeGeometry, point: int) -> Tensor:
-    """Green's strain at a quadrature point in Cartesian components, enhanced by α."""
-    e_11, e_22, e_12 = e[3 * point : 3 * point + 3]
+def green_strain(e: Samples, alpha: Array, shape: WedgeGeometry) -> Tensor:
+    """Green's strain at the quadrature points in Cartesian components, enhanced by α."""
+    e_11, e_22, e_12 = (jnp.stack([e[k], e[k + 3]]) for k in _AXES)
     c = (e[7] - e[6] - e[8]) / 3.0
     e_13, e_23 = e[6] + c, e[7] - c
-    e_33 = (e[9] + e[10] + e[11]) / 3.0 + alpha * shape.enhanced[point]
+    e_33 = (e[9] + e[10] + e[11]) / 3.0 + alpha * shape.enhanced
     covariant = [[e_11, e_12, e_13], [e_12, e_22, e_23], [e_13, e_23, e_33]]
-    G = shape.contravariant[point]
+    G = shape.contravariant
     return product(transposed(G), product(covariant, G))
 
 
@@ -219,17 +217,14 @@ class Work(NamedTuple):
     g: Float[Array, " wedges"]
 
 
-def worked(stress: Sequence[Tensor], shape: WedgeGeometry) -> Work:
+def worked(stress: Tensor, shape: WedgeGeometry) -> Work:
     """Work of second Piola-Kirchhoff stresses at the two points on samples and α."""
-    t: list[Array] = []
-    shear_1 = shear_2 = normal = g = jnp.zeros_like(shape.volume)
-    for point, S in enumerate(stress):
-        G, w = shape.contravariant[point], shape.weight[point]
-        (s_11, s_12, s_13), (_, s_22, s_23), (_, _, s_33) = product(G, product(S, transposed(G)))
-        t += [w * s_11, w * s_22, 2.0 * w * s_12]
-        shear_1, shear_2 = shear_1 + 2.0 * w * s_13, shear_2 + 2.0 * w * s_23
-        normal = normal + w * s_33
-        g = g + w * shape.enhanced[point] * s_33
+    G, w = shape.contravariant, shape.weight
+    (s_11, s_12, s_13), (_, s_22, s_23), (_, _, s_33) = product(G, product(stress, transposed(G)))
+    in_plane = [w * s_11, w * s_22, 2.0 * w * s_12]
+    shear_1, shear_2 = (2.0 * added(w * s) for s in (s_13, s_23))
+    normal, g = added(w * s_33), added(w * shape.enhanced * s_33)
+    t = [s[point] for point in (0, 1) for s in in_plane]
     t += [
         (2.0 * shear_1 + shear_2) / 3.0,
         (shear_1 + 2.0 * shear_2) / 3.0,

@@ -37,8 +37,8 @@ from jaxtyping import Array, Float
 from jaxfsi.core.elements.linear import added
 from lumped.parameters import Parameter, Range, check_range, is_traced, parameter
 
-Tensor = Sequence[Sequence[Float[Array, " tets"]]] | Float[Array, "3 3 tets"]
-"""Components of a tensor on each element: rows of arrays, or one array with the elements last."""
+Tensor = Sequence[Sequence[Float[Array, "*points tets"]]] | Float[Array, "3 3 *points tets"]
+"""Components of a tensor at each point of the elements: rows of arrays, or one array."""
 
 _AXES = range(3)
 
@@ -63,6 +63,11 @@ def combined(*terms: tuple[Parameter, Tensor]) -> Tensor:
 def plus_identity(a: Tensor, c: Parameter) -> Tensor:
     """Add c times the identity."""
     return [[a[i][j] + c if i == j else a[i][j] for j in _AXES] for i in _AXES]
+
+
+def stacked(a: Tensor) -> Float[Array, "3 3 *points tets"]:
+    """A tensor as one array."""
+    return jnp.stack([jnp.stack(list(row)) for row in a])
 
 
 def _trace(a: Tensor) -> Float[Array, " tets"]:

@@ -12,11 +12,10 @@ from collections.abc import Sequence
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.linear import Geometry, fusion_barrier
-from jaxfsi.core.elements.wall import AbstractWallElement, Points
+from jaxfsi.core.elements.wall import AbstractWallElement
 from jaxfsi.core.laws.materials import (
     AbstractMaterial,
     Tensor,
@@ -24,6 +23,7 @@ from jaxfsi.core.laws.materials import (
     determinant,
     plus_identity,
     product,
+    stacked,
     transposed,
 )
 from jaxfsi.nominal import WALL_DENSITY
@@ -67,8 +67,8 @@ class WallMotion(NamedTuple):
         rate: their rates [1/s].
     """
 
-    F: Points
-    rate: Points
+    F: Tensor
+    rate: Tensor
 
 
 def wall_motion(
@@ -78,15 +78,14 @@ def wall_motion(
     shape: Geometry,
 ) -> WallMotion:
     """Deformation of velocities u [cm/s] and displacements d [cm]."""
-    rate = tuple(combined((1.0, H)) for H in element.gradients(u, shape))
-    return WallMotion(deformation_gradients(d, element, shape), rate)
+    return WallMotion(deformation_gradients(d, element, shape), element.gradients(u, shape))
 
 
 def deformation_gradients(
     d: Float[Array, "3 nodes"], element: AbstractWallElement, shape: Geometry
-) -> Points:
+) -> Tensor:
     """F = I + ∂d/∂X at the quadrature points of each element."""
-    return tuple(plus_identity(H, 1.0) for H in element.gradients(d, shape))
+    return plus_identity(element.gradients(d, shape), 1.0)
 
 
 def solid_residual(
@@ -112,17 +111,13 @@ def solid_residual(
     """
     F, rate = fusion_barrier(wall_motion(u, d, element, shape), shape)
     elastic = elastic_stress(F, wall.material, element, shape, u.shape[1])
-    stress = tuple(
-        combined((1.0, P), (1.0, inelastic_stress(F[g], rate[g], wall, prestress_at(prestress, g))))
-        for g, P in enumerate(elastic)
-    )
-    stress = fusion_barrier(stress, shape)
-    return element.forces(stress, a, wall.rho_s * shape.volume, shape)
+    stress = combined((1.0, elastic), (1.0, inelastic_stress(F, rate, wall, prestress)))
+    return element.forces(fusion_barrier(stress, shape), a, wall.rho_s * shape.volume, shape)
 
 
 def elastic_stress(
-    F: Points, material: AbstractMaterial, element: AbstractWallElement, shape: Geometry, n: int
-) -> Points:
+    F: Tensor, material: AbstractMaterial, element: AbstractWallElement, shape: Geometry, n: int
+) -> Tensor:
     """First Piola-Kirchhoff stress of elasticity at the quadrature points [dyn/cm²].
 
     Args:
@@ -133,15 +128,12 @@ def elastic_stress(
         n: number of nodes.
     """
     pressures = element.pressures(F, material, shape, n)
-    return tuple(
-        local_stress(f, tuple(p.value[g] for p in pressures), material, element)
-        for g, f in enumerate(F)
-    )
+    return local_stress(F, [p.value for p in pressures], material, element)
 
 
 def local_stress(
     F: Tensor,
-    pressures: Sequence[Float[Array, " tets"]],
+    pressures: Sequence[Float[Array, "*points tets"]],
     material: AbstractMaterial,
     element: AbstractWallElement,
 ) -> Tensor:
@@ -153,15 +145,8 @@ def local_stress(
     return stress
 
 
-def prestress_at(
-    prestress: Float[Array, "3 3 points tets"] | None, point: int
-) -> Float[Array, "3 3 tets"] | None:
-    """Prestress at a quadrature point, where there is one."""
-    return None if prestress is None else prestress[:, :, point]
-
-
 def inelastic_stress(
-    F: Tensor, rate: Tensor, wall: Wall, prestress: Float[Array, "3 3 tets"] | None
+    F: Tensor, rate: Tensor, wall: Wall, prestress: Float[Array, "3 3 *points tets"] | None
 ) -> Tensor:
     """First Piola-Kirchhoff stress of damping and prestress [dyn/cm²]."""
     strain_rate = product(transposed(F), rate)
@@ -190,14 +175,7 @@ def cauchy_stress(
         prestress: see `solid_residual`.
     """
     F = deformation_gradients(d, element, shape)
-    elastic = elastic_stress(F, wall.material, element, shape, d.shape[1])
-    points = []
-    for g, P in enumerate(elastic):
-        whole = P
-        if prestress is not None:
-            whole = combined((1.0, P), (1.0, product(F[g], prestress[:, :, g])))
-        J = determinant(F[g])
-        points.append(
-            jnp.stack([jnp.stack([s / J for s in r]) for r in product(whole, transposed(F[g]))])
-        )
-    return jnp.stack(points, axis=2)
+    P = elastic_stress(F, wall.material, element, shape, d.shape[1])
+    if prestress is not None:
+        P = combined((1.0, P), (1.0, product(F, prestress)))
+    return stacked(combined((1.0 / determinant(F), product(P, transposed(F)))))

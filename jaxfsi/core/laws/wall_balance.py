@@ -6,13 +6,12 @@
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.bending import BendingElement, BendingPrestress, BendingShape
 from jaxfsi.core.elements.linear import Geometry, geometry
 from jaxfsi.core.elements.wall import AbstractWallElement
-from jaxfsi.core.laws.materials import AbstractMaterial
+from jaxfsi.core.laws.materials import AbstractMaterial, stacked
 from jaxfsi.core.laws.solid import (
     Wall,
     deformation_gradients,
@@ -127,5 +126,4 @@ def _tet_stress(
     shape: Geometry,
 ) -> Float[Array, "3 3 points tets"]:
     F = deformation_gradients(d, element, shape)
-    stress = elastic_stress(F, material, element, shape, d.shape[1])
-    return jnp.stack([jnp.stack([jnp.stack(list(row)) for row in S]) for S in stress], axis=2)
+    return stacked(elastic_stress(F, material, element, shape, d.shape[1]))

@@ -30,9 +30,9 @@ from jaxfsi.core.elements.wedge import (
     Work,
     compatible_gradient,
     gathered_forces,
+    green_strain,
     inertia,
     nodal_forces,
-    point_strain,
     sampled_strains,
     stabilised,
     strain_change,
@@ -44,15 +44,17 @@ from jaxfsi.core.laws.materials import (
     Tensor,
     combined,
     determinant,
+    plus_identity,
     product,
     right_triangular,
+    stacked,
     transposed,
     triangular_solve,
 )
 from jaxfsi.core.laws.solid import Wall
 
-_STEPS = 3
-"""Newton steps for α before the one that is differentiated: 1e-10 at strains of 0.2."""
+_STEPS = 4
+"""Newton steps for α before the one that is differentiated: 1e-12 at strains of 0.2."""
 
 Prestress = Float[Array, "3 3 2 wedges"] | None
 
@@ -73,29 +75,10 @@ class WedgeTangent(NamedTuple):
     mass: Float[Array, " wedges"]
 
 
-def _strains(e: Samples, alpha: Array, shape: WedgeGeometry) -> Tensor:
-    """Green's strain at the first points of all wedges, followed by the second ones."""
-    points = [point_strain(e, alpha, shape, point) for point in (0, 1)]
-    strain = jax.tree.map(lambda low, high: jnp.concatenate([low, high]), *points)
-    return fusion_barrier(strain, shape)
-
-
-def _at_points(tensor: Tensor) -> list[Tensor]:
-    """A tensor at the two points of the wedges, of one that has them one after the other."""
-    n = tensor[0][0].shape[-1] // 2
-    return [[[v[..., part] for v in row] for row in tensor] for part in (slice(n), slice(n, None))]
-
-
-def _twice(material: AbstractMaterial) -> AbstractMaterial:
-    """The material at the first points of all wedges, followed by the second ones."""
-    return jax.tree.map(lambda a: jnp.concatenate([a, a], -1) if jnp.ndim(a) else a, material)
-
-
-def _stresses(
-    e: Samples, alpha: Array, material: AbstractMaterial, shape: WedgeGeometry
-) -> list[Tensor]:
-    stress = _twice(material).second_stress(_strains(e, alpha, shape))
-    return _at_points(fusion_barrier(stress, shape))
+def _stress(e: Samples, alpha: Array, material: AbstractMaterial, shape: WedgeGeometry) -> Tensor:
+    """Second Piola-Kirchhoff stress of elasticity."""
+    strain = fusion_barrier(green_strain(e, alpha, shape), shape)
+    return fusion_barrier(material.second_stress(strain), shape)
 
 
 def _elastic(
@@ -106,35 +89,55 @@ def _elastic(
     prestress: Prestress,
 ) -> Work:
     """Work of elasticity and prestress."""
-    stress = _stresses(e, alpha, material, shape)
+    stress = _stress(e, alpha, material, shape)
     if prestress is not None:
-        stress = [combined((1.0, S), (1.0, prestress[:, :, g])) for g, S in enumerate(stress)]
+        stress = combined((1.0, stress), (1.0, prestress))
     return worked(stress, shape)
 
 
-def enhancement(
+class Enhanced(NamedTuple):
+    """A strain α through the thickness and what works there.
+
+    Attributes:
+        alpha: α.
+        work: of elasticity and prestress on the samples, with α in equilibrium [dyn·cm].
+    """
+
+    alpha: Float[Array, " wedges"]
+    work: Samples
+
+
+def enhanced(
     e: Samples, material: AbstractMaterial, shape: WedgeGeometry, prestress: Prestress = None
-) -> Float[Array, " wedges"]:
-    """α at which it is in equilibrium."""
+) -> Enhanced:
+    """α at which it is in equilibrium, by Newton's method.
 
-    def step(e, alpha, material, shape, prestress):
-        def force(alpha):
-            return _elastic(e, alpha, material, shape, prestress).g
-
-        g, slope = jax.jvp(force, (alpha,), (jnp.ones_like(alpha),))
-        return alpha - g / jax.lax.stop_gradient(slope)
-
+    The last step is differentiated; work is taken along it, t − (∂t/∂α) g/(∂g/∂α).
+    """
     known = jax.lax.stop_gradient((e, material, shape, prestress))
+
+    def work(alpha: Array) -> Work:
+        return _elastic(known[0], alpha, *known[1:])
+
+    def correct(_, found):
+        alpha = found[0]
+        (_, g), (t_slope, slope) = jax.jvp(work, (alpha,), (jnp.ones_like(alpha),))
+        return alpha - g / slope, t_slope, slope
+
     alpha = jnp.zeros_like(shape.volume)
+    start = alpha, tuple(jnp.zeros_like(value) for value in e), jnp.ones_like(alpha)
     n_steps = 1 if material.is_small_strain else _STEPS
-    alpha = jax.lax.fori_loop(0, n_steps, lambda _, a: step(known[0], a, *known[1:]), alpha)
-    return step(e, jax.lax.stop_gradient(alpha), material, shape, prestress)
+    found = jax.lax.fori_loop(0, n_steps, correct, start)
+    alpha, t_slope, slope = jax.lax.stop_gradient(found)
+    t, g = _elastic(e, alpha, material, shape, prestress)
+    change = -g / slope
+    return Enhanced(alpha + change, tuple(a + change * b for a, b in zip(t, t_slope, strict=True)))
 
 
 def _viscous(rate: Samples, wall: Wall, shape: WedgeGeometry) -> Work:
     """Work of Kelvin-Voigt damping at rates of the samples."""
-    rates = _at_points(_strains(rate, jnp.zeros_like(shape.volume), shape))
-    return worked([combined((2.0 * wall.damping, E)) for E in rates], shape)
+    E = fusion_barrier(green_strain(rate, jnp.zeros_like(shape.volume), shape), shape)
+    return worked(combined((2.0 * wall.damping, E)), shape)
 
 
 def _young(wall: Wall) -> Array:
@@ -143,12 +146,11 @@ def _young(wall: Wall) -> Array:
 
 
 def _all_work(
-    e: Samples, rate: Samples, alpha: Array, wall: Wall, shape: WedgeGeometry, prestress: Prestress
-) -> Work:
-    """Work of all stresses; on α that of elasticity and prestress alone."""
-    elastic = _elastic(e, alpha, wall.material, shape, prestress)
-    parts = elastic.t, stabilised(e, _young(wall), shape), _viscous(rate, wall, shape).t
-    return Work(tuple(added(values) for values in zip(*parts, strict=True)), elastic.g)
+    e: Samples, rate: Samples, elastic: Samples, wall: Wall, shape: WedgeGeometry
+) -> Samples:
+    """Work of all stresses, that of elasticity and prestress given."""
+    parts = elastic, stabilised(e, _young(wall), shape), _viscous(rate, wall, shape).t
+    return tuple(added(values) for values in zip(*parts, strict=True))
 
 
 def wedge_residual(
@@ -168,15 +170,25 @@ def wedge_residual(
     at = shape.corners if small else x
     rate = strain_change(wedge_corners(u, wedges), at)
     e, rate = fusion_barrier((e, rate), shape)
-    alpha = fusion_barrier(enhancement(e, wall.material, shape, prestress), shape)
-    elastic = None if small else prestress
-    t = fusion_barrier(_all_work(e, rate, alpha, wall, shape, elastic).t, shape)
+    elastic = fusion_barrier(enhanced(e, wall.material, shape, prestress).work, shape)
+    held = _held(prestress, shape) if small else None
+    if held is not None:  # it turns with the wall also where strains are small
+        elastic = _less(elastic, held)
+    t = fusion_barrier(_all_work(e, rate, elastic, wall, shape), shape)
     forces = nodal_forces(t, at)
-    if small and prestress is not None:  # it turns with the wall also where strains are small
-        held = worked([prestress[:, :, 0], prestress[:, :, 1]], shape).t
+    if held is not None:
         forces = _sum(forces, nodal_forces(held, x))
     forces = _sum(forces, inertia(wedge_corners(a, wedges), wall.rho_s * shape.volume))
     return gathered_forces(forces, wedges, d.shape[1])
+
+
+def _held(prestress: Prestress, shape: WedgeGeometry) -> Samples | None:
+    """Work of a prestress alone."""
+    return None if prestress is None else worked(prestress, shape).t
+
+
+def _less(a: Samples, b: Samples) -> Samples:
+    return tuple(p - q for p, q in zip(a, b, strict=True))
 
 
 def _moved(d: WedgeCorners, shape: WedgeGeometry) -> WedgeCorners:
@@ -205,13 +217,13 @@ def wedge_tangent(
     e = sampled_strains(moved, shape, small=small)
     at = shape.corners if small else _moved(moved, shape)
     rate = strain_change(wedge_corners(u, wedges), at)
-    alpha = enhancement(e, wall.material, shape, prestress)
+    alpha, elastic = enhanced(e, wall.material, shape, prestress)
     e, rate, alpha = fusion_barrier((e, rate, alpha), shape)
     moduli = _condensed(e, alpha, weights, wall, shape)
-    t = _all_work(e, rate, alpha, wall, shape, prestress).t
     if small:
-        held = None if prestress is None else worked([prestress[:, :, g] for g in (0, 1)], shape).t
-        t = tuple(jnp.zeros_like(value) for value in t) if held is None else held
+        t = _held(prestress, shape) or tuple(jnp.zeros_like(value) for value in e)
+    else:
+        t = _all_work(e, rate, elastic, wall, shape)
     turning = tuple(weights.d * value for value in t)
     mass = weights.a * wall.rho_s * shape.volume
     mass = mass * jnp.ones_like(shape.volume)
@@ -222,17 +234,15 @@ def _condensed(
     e: Samples, alpha: Array, weights: Weights, wall: Wall, shape: WedgeGeometry
 ) -> Float[Array, "12 12 wedges"]:
     """What a change of each sample adds to the work on each, with α in equilibrium."""
-    law = _law_moduli(_strains(e, alpha, shape), wall.material, shape)
+    strain = fusion_barrier(green_strain(e, alpha, shape), shape)
+    law = _law_moduli(strain, wall.material, shape)
     young, damping = weights.d * _young(wall), 2.0 * weights.u * wall.damping
     one = jnp.ones_like(shape.volume)
 
     def change(unit: Float[Array, " samples"], on_alpha: Array) -> Float[Array, "13 wedges"]:
         along = tuple(value * one for value in unit)
-        strains = _at_points(_strains(along, on_alpha * one, shape))
-        stress = [
-            combined((weights.d, _contracted(D, E)), (damping, E))
-            for D, E in zip(law, strains, strict=True)
-        ]
+        E = fusion_barrier(green_strain(along, on_alpha * one, shape), shape)
+        stress = combined((weights.d, _contracted(law, E)), (damping, E))
         found = worked(fusion_barrier(stress, shape), shape)
         fixed = stabilised(along, young, shape)
         return jnp.stack([*map(jnp.add, found.t, fixed), found.g])
@@ -246,23 +256,19 @@ def _condensed(
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
-def _law_moduli(
-    strain: Tensor, material: AbstractMaterial, shape: WedgeGeometry
-) -> list[list[Tensor]]:
-    """∂S/∂E along the six components of the strain, at each of the two points."""
-    law = _twice(material).second_stress
+def _law_moduli(strain: Tensor, material: AbstractMaterial, shape: WedgeGeometry) -> list[Tensor]:
+    """∂S/∂E along the six components of the strain."""
     one = jnp.ones_like(strain[0][0])
 
     def along(unit: Float[Array, "3 3"]) -> Tensor:
         direction = [[unit[i, j] * one for j in range(3)] for i in range(3)]
-        return jax.jvp(law, (strain,), (direction,))[1]
+        return jax.jvp(material.second_stress, (strain,), (direction,))[1]
 
     units = np.zeros((6, 3, 3))
     for k, (i, j) in enumerate(_PAIRS):
         units[k, i, j] = units[k, j, i] = 1.0
     found = fusion_barrier(jax.vmap(along)(jnp.asarray(units, one.dtype)), shape)
-    points = _at_points(found)
-    return [[[[v[k] for v in row] for row in D] for k in range(6)] for D in points]
+    return [[[v[k] for v in row] for row in found] for k in range(6)]
 
 
 def _contracted(D: Sequence[Tensor], E: Tensor) -> Tensor:
@@ -313,12 +319,7 @@ def wedge_stress(
 ) -> Float[Array, "3 3 2 wedges"]:
     """Second Piola-Kirchhoff stress of elasticity at the two points [dyn/cm²]."""
     e = sampled_strains(wedge_corners(d, wedges), shape, small=material.is_small_strain)
-    stress = _stresses(e, enhancement(e, material, shape), material, shape)
-    return jnp.stack([_stacked(S) for S in stress], axis=2)
-
-
-def _stacked(tensor: Tensor) -> Float[Array, "3 3 wedges"]:
-    return jnp.stack([jnp.stack(list(row)) for row in tensor])
+    return stacked(_stress(e, enhanced(e, material, shape).alpha, material, shape))
 
 
 class WedgeStress(NamedTuple):
@@ -352,25 +353,23 @@ def wedge_stress_and_strain(
     small = wall.material.is_small_strain
     measured = sampled_strains(moved, shape, small=True) if small else e
     rate = strain_change(wedge_corners(u, wedges), x)
-    alpha = enhancement(measured, wall.material, shape, prestress)
-    none = jnp.zeros_like(alpha)
-    sigma, strain = [], []
-    for point, S in enumerate(_stresses(measured, alpha, wall.material, shape)):
-        whole = combined((1.0, S), (2.0 * wall.damping, point_strain(rate, none, shape, point)))
-        if prestress is not None:
-            whole = combined((1.0, whole), (1.0, prestress[:, :, point]))
-        assumed = point_strain(e, alpha, shape, point)
-        F = _deformation(x, shape, point, assumed)
-        cauchy = product(F, product(whole, transposed(F)))
-        sigma.append(_stacked(combined((1.0 / determinant(F), cauchy))))
-        strain.append(_stacked(assumed))
-    return WedgeStress(jnp.stack(sigma, axis=2), jnp.stack(strain, axis=2))
+    alpha = enhanced(measured, wall.material, shape, prestress).alpha
+    viscous = green_strain(rate, jnp.zeros_like(alpha), shape)
+    S = combined(
+        (1.0, _stress(measured, alpha, wall.material, shape)), (2.0 * wall.damping, viscous)
+    )
+    if prestress is not None:
+        S = combined((1.0, S), (1.0, prestress))
+    assumed = green_strain(e, alpha, shape)
+    F = _deformation(x, shape, assumed)
+    sigma = combined((1.0 / determinant(F), product(F, product(S, transposed(F)))))
+    return WedgeStress(stacked(sigma), stacked(assumed))
 
 
-def _deformation(x: WedgeCorners, shape: WedgeGeometry, point: int, assumed: Tensor) -> Tensor:
+def _deformation(x: WedgeCorners, shape: WedgeGeometry, assumed: Tensor) -> Tensor:
     """R U: the rotation of the nodes' motion and the stretch of the assumed strain."""
-    F = compatible_gradient(x, shape, point)
+    F = compatible_gradient(x, shape)
     C = product(transposed(F), F)
-    own = [[(C[i][j] - float(i == j)) / 2.0 for j in range(3)] for i in range(3)]
+    own = combined((0.5, plus_identity(C, -1.0)))
     stretch = triangular_solve(right_triangular(own), right_triangular(assumed))
     return product(F, stretch)

@@ -19,9 +19,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxfsi.core.elements.bending import BendingElement
-from jaxfsi.core.elements.linear import Corners, Geometry, added, fusion_barrier
-from jaxfsi.core.elements.wall import AbstractWallElement, Points, Weights
-from jaxfsi.core.laws.materials import Tensor, combined
+from jaxfsi.core.elements.linear import Geometry, added, fusion_barrier
+from jaxfsi.core.elements.wall import AbstractWallElement, Weights
+from jaxfsi.core.laws.materials import Tensor, combined, plus_identity
 from jaxfsi.core.laws.solid import Wall, inelastic_stress, local_stress, wall_motion
 from jaxfsi.core.laws.wall_balance import WallElements, WallPrestress, WallShape, by_part
 from jaxfsi.core.laws.wedge_solid import WedgeTangent, apply_wedges, wedge_tangent
@@ -104,7 +104,7 @@ def _tet_tangent(
     motion = wall_motion(u, d, element, shape)
     pressures = element.pressures(motion.F, wall.material, shape, u.shape[1])
     F, rate = fusion_barrier((_mean(motion.F), _mean(motion.rate)), shape)
-    p = [added(pressure.value) / len(pressure.value) for pressure in pressures]
+    p = [jnp.mean(pressure.value, axis=0) for pressure in pressures]
     S = None if prestress is None else jnp.mean(prestress, axis=2)
 
     def stress(F: Tensor, rate: Tensor) -> Tensor:
@@ -173,21 +173,18 @@ def apply_rest(
         return forces + apply_rest(tangent.rest, v, element.rest, shape.rest)
     assert isinstance(tangent, RestTangent)
     assert isinstance(element, AbstractWallElement)
-    gradients = element.gradients(v, shape)
-    traces = [added(H[i][i] for i in _AXES) for H in gradients]
-    mean = [tangent.lam * trace for trace in traces]
+    H = element.gradients(v, shape)
+    trace = added(H[i][i] for i in _AXES)
+    mean = tangent.lam * trace
     for slope, stiffness in zip(tangent.slopes, tangent.stiffness, strict=True):
-        p = element.spread(tuple(slope * trace for trace in traces), stiffness, shape)
-        mean = [q + slope * change for q, change in zip(mean, p, strict=True)]
-    stress = []
-    for H, q in zip(gradients, mean, strict=True):
-        P = [[tangent.G * (H[i][j] + H[j][i]) for j in _AXES] for i in _AXES]
-        stress.append([[P[i][j] + q if i == j else P[i][j] for j in _AXES] for i in _AXES])
-    return element.forces(tuple(stress), v, tangent.mass, shape)
+        mean = mean + slope * element.spread(slope * trace, stiffness, shape)
+    P = [[tangent.G * (H[i][j] + H[j][i]) for j in _AXES] for i in _AXES]
+    return element.forces(plus_identity(P, mean), v, tangent.mass, shape)
 
 
-def _mean(points: Points) -> Tensor:
-    return combined(*((1.0 / len(points), point) for point in points))
+def _mean(tensor: Tensor) -> Tensor:
+    """Mean of the quadrature points."""
+    return [[jnp.mean(value, axis=0) for value in row] for row in tensor]
 
 
 def apply_wall(
@@ -212,13 +209,12 @@ def _apply_tets(
     element: AbstractWallElement,
     shape: Geometry,
 ) -> Float[Array, "3 nodes"]:
-    gradients = element.gradients(v, shape)
-    stress = [_contracted(tangent.moduli, H) for H in gradients]
+    H = element.gradients(v, shape)
+    stress = _contracted(tangent.moduli, H)
     for slope, stiffness in zip(tangent.gradients, tangent.stiffness, strict=True):
-        q = tuple(added(slope[i][j] * H[i][j] for i in _AXES for j in _AXES) for H in gradients)
-        p: Corners = element.spread(q, stiffness, shape)
-        stress = [combined((1.0, P), (change, slope)) for P, change in zip(stress, p, strict=True)]
-    return element.forces(fusion_barrier(tuple(stress), shape), v, tangent.mass, shape)
+        q = added(slope[i][j] * H[i][j] for i in _AXES for j in _AXES)
+        stress = combined((1.0, stress), (element.spread(q, stiffness, shape), slope))
+    return element.forces(fusion_barrier(stress, shape), v, tangent.mass, shape)
 
 
 def _contracted(moduli: Sequence[Sequence[Float[Array, "9 tets"]]], H: Tensor) -> Tensor:

@@ -20,26 +20,20 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements.bending import mid_edges
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.laws.contact import contact_force, contact_product, contact_slope
-from jaxfsi.core.laws.interface import MidEdgeInterface, mid_edge_load
 from jaxfsi.core.laws.tissue import tissue_force
 from jaxfsi.core.laws.wall_balance import WallShape, wall_geometry, wall_residual
-from jaxfsi.core.solve.krylov import fgmres
+from jaxfsi.core.solve.krylov import KrylovSolution, fgmres
 from jaxfsi.core.solve.wall_blocks import vertex_block
 from jaxfsi.core.solve.wall_factor import WallFactor, wall_factor, wall_solve, wall_solve_transposed
 from jaxfsi.core.solve.wall_tangent import apply_wall, wall_tangent
+from jaxfsi.core.statics.loads import NO_WALL, Field, Loads, load_forces
 from jaxfsi.core.step.model import Model
-from jaxfsi.mesh import Mesh, tet_faces
-from lumped.parameters import Parameter, is_traced
-
-Field = Float[Array, "3 nodes"]
+from lumped.parameters import is_traced
 
 STATIC = Weights(0.0, 0.0, 1.0)
 """The unknown of an equilibrium is the displacement."""
-
-NO_WALL = "the model has no wall, so that nothing can be in equilibrium; give one"
 
 REDUCTION, DERIVATIVE = 1e-5, 1e-10
 """To what part of its right-hand side a system of Newton's method and of derivatives is solved."""
@@ -57,32 +51,6 @@ class RESULTS(eqx.Enumeration):
         "The wall's displacement is no longer finite: elements turned inside out. Raise the load"
         " in more steps and check the units of pressures and moduli."
     )
-
-
-class PressureLoad(NamedTuple):
-    """A pressure on triangles of the wall.
-
-    Attributes:
-        faces: triangles pointing out of the wall.
-        p: pressure at all nodes of the model, of which those of the faces count [dyn/cm²].
-        edges: unknowns of the edges opposite to the corners; None where edges do not bow.
-    """
-
-    faces: Int[Array, "3 faces"]
-    p: Float[Array, " nodes"]
-    edges: Int[Array, "3 faces"] | None = None
-
-
-class Loads(NamedTuple):
-    """What acts on the wall.
-
-    Attributes:
-        pressures: pressures, which follow the wall.
-        force: dead forces on the nodes [dyn]; None: none.
-    """
-
-    pressures: tuple[PressureLoad, ...] = ()
-    force: Field | None = None
 
 
 class Equilibrium(NamedTuple):
@@ -103,41 +71,6 @@ class Equilibrium(NamedTuple):
     residual: Float[Array, ""]
 
 
-def pressure_load(
-    mesh: Mesh, label: str, p: Parameter | Float[np.ndarray, " nodes"], model: Model
-) -> PressureLoad:
-    """A pressure on a labelled surface of the wall.
-
-    Args:
-        mesh: the mesh of the model.
-        label: name of the surface; where blood and wall meet, the wall's side is meant.
-        p: pressure [dyn/cm²], a number or one value a node of the mesh.
-        model: the model.
-
-    Raises:
-        ValueError: the model has no wall, or the surface is not one of it.
-    """
-    if model.wall is None:
-        raise ValueError(NO_WALL)
-    faces = np.asarray(mesh.labelled(label))
-    sides = tet_faces(np.asarray(model.solid_tets, np.int64).T).reshape(-1, 3)
-    ours, theirs = np.sort(sides, axis=1), np.sort(faces, axis=1)
-    n = len(mesh.points)
-    key = [(f[:, 0] * n + f[:, 1]) * n + f[:, 2] for f in (ours, theirs)]
-    order = np.argsort(key[0])
-    place = np.minimum(np.searchsorted(key[0][order], key[1]), len(order) - 1)
-    found = order[place]
-    if not len(faces) or np.any(key[0][found] != key[1]):
-        raise ValueError(
-            f"the faces named {label!r} are not all faces of the wall. Load a surface of the wall,"
-            " such as interface or outer_wall."
-        )
-    value = jnp.broadcast_to(jnp.asarray(p, float), (n,))
-    ordered = sides[found].T
-    edges = mid_edges(model.element, ordered)
-    return PressureLoad(jnp.asarray(ordered), jnp.pad(value, (0, model.n_nodes - n)), edges)
-
-
 def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
     """Factor of the wall's stiffness at the reference shape of a concrete model.
 
@@ -151,24 +84,6 @@ def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
     support = tissue_force(model.wall.support_stiffness * everywhere, model)
     A.setdiag(A.diagonal() + np.asarray(support).T.ravel())
     return wall_factor(sp.csr_matrix(A), model, STATIC, dtype=dtype)
-
-
-def load_forces(loads: Loads, d: Field, model: Model) -> Field:
-    """Forces of the loads on the nodes of the deformed wall [dyn].
-
-    Faces count as flat between their corners.
-    """
-    total = jnp.zeros_like(d) if loads.force is None else loads.force
-    x = model.x + d
-    for faces, p, edges in loads.pressures:
-        a, b, c = (x[:, faces[i]] for i in range(3))
-        area = jnp.cross(b - a, c - a, axis=0) / 2.0
-        whole = p[faces[0]] + p[faces[1]] + p[faces[2]]
-        for k in range(3):  # ∫ p N_k over a triangle is (p_k + Σ p) A/12
-            total = total.at[:, faces[k]].add(-(p[faces[k]] + whole) / 12.0 * area)
-        if edges is not None:
-            total = total - mid_edge_load(p, x, MidEdgeInterface(faces, edges))
-    return total
 
 
 def equilibrium(
@@ -207,12 +122,7 @@ def equilibrium(
         raise ValueError(NO_WALL)
     options = (n_load_steps, tolerance, max_newton, max_linear, reduction, derivative)
     end = _equilibrium(model, loads, factor, options)
-    if throw and not is_traced(end.residual) and end.result != RESULTS.successful:
-        raise RuntimeError(
-            f"{RESULTS[end.result]} The forces are {float(end.residual):.1e} out of balance after"
-            f" {int(end.n_newton)} linear systems."
-        )
-    return end
+    return _checked(end, throw)
 
 
 def _resistance(d: Field, model: Model, shape: WallShape) -> Field:
@@ -239,6 +149,100 @@ def _stiffness(d: Field, model: Model, shape: WallShape) -> Callable[[Field], Fi
         return r + contact_product(slope, v, contact)
 
     return product
+
+
+def small_equilibrium(
+    model: Model,
+    force: Field,
+    factor: WallFactor,
+    *,
+    tolerance: float = 1e-9,
+    max_linear: int = 100,
+    throw: bool = True,
+) -> Equilibrium:
+    """Displacement of a wall of Hooke's law under dead forces: one linear system.
+
+    Args:
+        model: the model; its wall's material is `LinearElastic`, and it has no prestress. Sides
+            that come close do not push each other apart.
+        force: on the nodes [dyn].
+        factor: see `static_factor`.
+        tolerance: forces out of balance over loads at which to stop.
+        max_linear: iterations of GMRES at most.
+        throw: raise where no equilibrium is found; otherwise the result says so.
+
+    Raises:
+        RuntimeError: no equilibrium was found and `throw` is set.
+    """
+    end = _small_equilibrium(model, force, factor, (tolerance, max_linear))
+    return _checked(end, throw)
+
+
+@eqx.filter_jit
+def _small_equilibrium(model, force, factor, options) -> Equilibrium:
+    tolerance, max_linear = options
+    factor = jax.lax.stop_gradient(factor)
+    free = model.in_solid & ~model.prescribed
+    shape = wall_geometry(model.x, model.element)
+    alone = eqx.tree_at(lambda m: m.contact, model, None, is_leaf=lambda leaf: leaf is None)
+    stiffness = _stiffness(jnp.zeros_like(model.x), alone, shape)
+    b = jnp.where(free, force, 0.0).reshape(-1)
+    size = jax.lax.stop_gradient(jnp.linalg.norm(b))
+
+    def product(flat):
+        v = jnp.where(free, flat.reshape(3, -1), 0.0)
+        return jnp.where(free, stiffness(v), flat.reshape(3, -1)).reshape(-1)
+
+    def solve(matvec, b):
+        found = fgmres(
+            matvec,
+            b,
+            _inverse(wall_solve, factor, free),
+            tolerance=tolerance * jnp.linalg.norm(b),
+            max_iterations=max_linear,
+        )
+        return found.x, jnp.stack([found.n_iterations.astype(float), found.residual])
+
+    flat, report = jax.lax.custom_linear_solve(product, b, solve, symmetric=True, has_aux=True)
+    n_gmres, residual = jax.lax.stop_gradient(report)
+    left = residual / jnp.where(size > 0.0, size, 1.0)
+    return _ended(flat, tolerance, (jnp.ones((), int), n_gmres.astype(int)), left)
+
+
+def _inverse(solve: Callable, factor: WallFactor, free: Array) -> Callable[[Array], Array]:
+    """Approximate inverse of a tangent that leaves held nodes as they are."""
+
+    def inverse(r):
+        r = r.reshape(3, -1)
+        return jnp.where(free, solve(factor, jnp.where(free, r, 0.0)), r).reshape(-1)
+
+    return inverse
+
+
+def _ended(flat: Array, tolerance: float, counts: tuple[Array, Array], left: Array) -> Equilibrium:
+    result = RESULTS.where(left <= tolerance, RESULTS.successful, RESULTS.not_converged)
+    result = RESULTS.where(jnp.all(jnp.isfinite(flat)), result, RESULTS.not_finite)
+    return Equilibrium(flat.reshape(3, -1), result, *counts, left)
+
+
+def _checked(end: Equilibrium, throw: bool) -> Equilibrium:
+    if throw and not is_traced(end.residual) and end.result != RESULTS.successful:
+        raise RuntimeError(
+            f"{RESULTS[end.result]} The forces are {float(end.residual):.1e} out of balance after"
+            f" {int(end.n_newton)} linear systems."
+        )
+    return end
+
+
+class _Search(NamedTuple):
+    """State of Newton's method: displacement, load step, systems solved in it and in all."""
+
+    d: Float[Array, " unknowns"]
+    load: Int[Array, ""]
+    k: Int[Array, ""]
+    n_newton: Int[Array, ""]
+    n_gmres: Int[Array, ""]
+    left: Float[Array, ""]
 
 
 @eqx.filter_jit
@@ -270,9 +274,7 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         return product
 
     def approximate(solve):
-        return lambda r: jnp.where(
-            free, solve(factor, jnp.where(free, r.reshape(3, -1), 0.0)), r.reshape(3, -1)
-        ).reshape(-1)
+        return _inverse(solve, factor, free)
 
     def linear_solve(matvec, b, inverse, reduction):
         return fgmres(
@@ -283,38 +285,40 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
             max_iterations=max_linear,
         )
 
-    def raised(scale, start):
-        """Newton's method at one load."""
-
-        def function(flat):
-            return out_of_balance(flat, scale)
-
-        def proceed(s):
-            _, r, k, _ = s
-            return (k < max_newton) & (jnp.linalg.norm(r) > tolerance * size)
-
-        def correct(s):
-            d, r, k, n = s
-            goal = jnp.maximum(0.3 * tolerance * size / jnp.linalg.norm(r), reduction)
-            product = tangent(d, scale)
-            step = linear_solve(product, r, approximate(wall_solve), goal)
-            d = d - step.x
-            return d, function(d), k + 1, n + step.n_iterations
-
-        start_state = (start, function(start), jnp.zeros((), int), jnp.zeros((), int))
-        d, r, k, n = jax.lax.while_loop(proceed, correct, start_state)
-        return d, (k, n, jnp.linalg.norm(r) / size)
+    def correction(d, r, scale, left):
+        goal = jnp.maximum(0.3 * tolerance / left, reduction)
+        return linear_solve(tangent(d, scale), r, approximate(wall_solve), goal)
 
     def solve(function, start):
-        def one(carry, scale):
-            d, (k, n, _) = carry
-            d, (dk, dn, left) = raised(scale, d)
-            return (d, (k + dk, n + dn, left)), None
-
-        none = jnp.zeros((), int)
+        """Newton's method at one load after the other."""
+        del function
         scales = jnp.arange(1, n_load_steps + 1) / n_load_steps
-        d, (k, n, left) = jax.lax.scan(one, (start, (none, none, jnp.zeros(()))), scales)[0]
-        return d, jnp.stack([k.astype(float), n.astype(float), left])  # derivatives need floats
+
+        def proceed(s):
+            return s.load < n_load_steps
+
+        def advance(s):
+            scale = scales[s.load]
+            r = out_of_balance(s.d, scale)
+            left = jnp.linalg.norm(r) / size
+            settled = ~(left > tolerance) | (s.k >= max_newton)
+            none = KrylovSolution(jnp.zeros_like(r), jnp.zeros((), int), jnp.zeros(()))
+            step = jax.lax.cond(settled, lambda: none, lambda: correction(s.d, r, scale, left))
+            return _Search(
+                s.d - step.x,
+                s.load + jnp.where(settled, 1, 0),
+                jnp.where(settled, 0, s.k + 1),
+                s.n_newton + jnp.where(settled, 0, 1),
+                s.n_gmres + step.n_iterations,
+                left,
+            )
+
+        zero = jnp.zeros((), int)
+        end = jax.lax.while_loop(
+            proceed, advance, _Search(start, zero, zero, zero, zero, jnp.zeros(()))
+        )
+        counts = end.n_newton.astype(float), end.n_gmres.astype(float)
+        return end.d, jnp.stack([*counts, end.left])  # derivatives need floats
 
     def solved(matvec, b, inverse):
         """Solution of a system of derivatives; not a number where it was not found."""
@@ -338,7 +342,4 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
         has_aux=True,
     )
     n_newton, n_gmres, left = jax.lax.stop_gradient(report)
-    result = RESULTS.where(left <= tolerance, RESULTS.successful, RESULTS.not_converged)
-    result = RESULTS.where(jnp.all(jnp.isfinite(flat)), result, RESULTS.not_finite)
-    counts = n_newton.astype(int), n_gmres.astype(int)
-    return Equilibrium(flat.reshape(3, -1), result, *counts, left)
+    return _ended(flat, tolerance, (n_newton.astype(int), n_gmres.astype(int)), left)

@@ -24,7 +24,8 @@ from jaxtyping import Array, Float
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.wall_balance import second_stress, wall_geometry
 from jaxfsi.core.solve.wall_factor import WallFactor
-from jaxfsi.core.statics.equilibrium import RESULTS, Loads, equilibrium, load_forces
+from jaxfsi.core.statics.equilibrium import RESULTS, equilibrium, small_equilibrium
+from jaxfsi.core.statics.loads import Loads, load_forces
 from jaxfsi.core.step.model import Model
 
 
@@ -75,8 +76,8 @@ def prestressed(
         (hooke, 0.0, None),
         is_leaf=lambda leaf: leaf is None,
     )
-    dead = Loads(force=load_forces(loads, jnp.zeros_like(model.x), model))
-    e = equilibrium(small, dead, factor, tolerance=tolerance, throw=throw).d
+    force = load_forces(loads, jnp.zeros_like(model.x), model)
+    e = small_equilibrium(small, force, factor, tolerance=tolerance, throw=throw).d
     S = second_stress(e, hooke, model.element, wall_geometry(model.x, model.element))
     carried = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
     left = equilibrium(carried, loads, factor, tolerance=tolerance, throw=throw)

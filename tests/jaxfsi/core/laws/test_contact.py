@@ -20,7 +20,8 @@ from jaxfsi.core.laws.materials import NeoHookean
 from jaxfsi.core.laws.mesh_motion import mesh_motion
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.solve.tangent import apply_elements, step_tangent
-from jaxfsi.core.statics.equilibrium import Loads, equilibrium, pressure_load, static_factor
+from jaxfsi.core.statics.equilibrium import equilibrium, static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.step.equations import Unknowns, begin_step, midpoint, residual
 from jaxfsi.core.step.generalized_alpha import generalized_alpha
 from jaxfsi.core.step.model import build_model

@@ -11,7 +11,8 @@ from jaxfsi.core.elements.wedge import WedgeElement, wedge_geometry
 from jaxfsi.core.laws.fibres import HolzapfelGasserOgden
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.wedge_solid import wedge_stress
-from jaxfsi.core.statics.equilibrium import Loads, equilibrium, pressure_load, static_factor
+from jaxfsi.core.statics.equilibrium import equilibrium, static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.step.model import build_model
 from jaxfsi.fields import wall_frame
 from jaxfsi.mesh import INTERFACE

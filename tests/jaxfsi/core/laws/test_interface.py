@@ -9,7 +9,7 @@ from jaxfsi.core.laws.interface import mid_edge_flux, mid_edge_load
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.ports.pressure import PressurePort
-from jaxfsi.core.statics.equilibrium import Loads, load_forces, pressure_load
+from jaxfsi.core.statics.loads import Loads, load_forces, pressure_load
 from jaxfsi.core.step.equations import Unknowns, begin_step, residual
 from jaxfsi.core.step.generalized_alpha import generalized_alpha
 from jaxfsi.core.step.model import build_model

@@ -9,7 +9,8 @@ from jaxfsi import INTERFACE, OUTER_WALL
 from jaxfsi.core.laws.materials import SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.tissue import tissue_force
-from jaxfsi.core.statics.equilibrium import Loads, equilibrium, pressure_load, static_factor
+from jaxfsi.core.statics.equilibrium import equilibrium, static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.step.model import build_model
 from jaxfsi.meshing import ring
 

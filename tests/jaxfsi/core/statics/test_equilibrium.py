@@ -7,13 +7,8 @@ import pytest
 
 from jaxfsi.core.laws.materials import NeoHookean
 from jaxfsi.core.laws.solid import Wall
-from jaxfsi.core.statics.equilibrium import (
-    RESULTS,
-    Loads,
-    equilibrium,
-    pressure_load,
-    static_factor,
-)
+from jaxfsi.core.statics.equilibrium import RESULTS, equilibrium, static_factor
+from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import build_model

@@ -20,7 +20,12 @@ from jaxfsi.core.elements.quadratic import (
     edges_of_faces,
     numbered_edges,
 )
-from jaxfsi.core.elements.wedge import WedgeElement, WedgeGeometry, wedge_geometry
+from jaxfsi.core.elements.wedge import (
+    WedgeElement,
+    WedgeGeometry,
+    WedgePrestress,
+    wedge_geometry,
+)
 
 Tree = TypeVar("Tree")
 
@@ -47,11 +52,18 @@ class BendingPrestress(NamedTuple):
 
     Attributes:
         wedges: at the two points of the wedges.
+        columns: along the three columns of the wedges, see `WedgePrestress`.
         rest: at the points of the other tetrahedra.
     """
 
     wedges: Float[Array, "3 3 2 wedges"]
+    columns: Float[Array, "3 wedges"]
     rest: Float[Array, "3 3 4 rest"]
+
+    @property
+    def of_wedges(self) -> WedgePrestress:
+        """That of the wedges."""
+        return WedgePrestress(self.wedges, self.columns)
 
 
 class BendingElement(eqx.Module):

@@ -205,6 +205,18 @@ def green_strain(e: Samples, alpha: Array, shape: WedgeGeometry) -> Tensor:
     return product(transposed(G), product(covariant, G))
 
 
+class WedgePrestress(NamedTuple):
+    """Stress of undeformed wedges [dyn/cm²].
+
+    Attributes:
+        stress: second Piola-Kirchhoff stress at the two points.
+        columns: stress along the three columns, less its mean, see `column_stress`.
+    """
+
+    stress: Float[Array, "3 3 2 wedges"]
+    columns: Float[Array, "3 wedges"]
+
+
 class Work(NamedTuple):
     """What works on the sampled strains and on α.
 
@@ -233,11 +245,21 @@ def worked(stress: Tensor, shape: WedgeGeometry) -> Work:
     return Work((*t, *(normal / 3.0,) * 3), g)
 
 
+def column_stress(e: Samples, young: Array, shape: WedgeGeometry) -> Float[Array, "3 wedges"]:
+    """Stress along the columns, E (e_i − ē) |G³|² [dyn/cm²]."""
+    mean = (e[9] + e[10] + e[11]) / 3.0
+    return jnp.stack([young * shape.normal * (value - mean) for value in e[9:]])
+
+
+def column_work(stress: Float[Array, "3 wedges"], shape: WedgeGeometry) -> Samples:
+    """Work of stresses along the columns on the samples."""
+    zero = jnp.zeros_like(shape.volume)
+    return (*(zero,) * 9, *(shape.volume * shape.normal / 24.0 * stress))
+
+
 def stabilised(e: Samples, young: Array, shape: WedgeGeometry) -> Samples:
     """Work of W_s, by how the thickness strain varies between the columns."""
-    mean = (e[9] + e[10] + e[11]) / 3.0
-    stiffness = young * shape.volume * shape.normal**2 / 24.0
-    return (*(jnp.zeros_like(mean),) * 9, *(stiffness * (value - mean) for value in e[9:]))
+    return column_work(column_stress(e, young, shape), shape)
 
 
 def inertia(a: WedgeCorners, mass: Float[Array, " wedges"]) -> WedgeCorners:

@@ -18,7 +18,7 @@ from jaxfsi.core.laws.solid import (
     elastic_stress,
     solid_residual,
 )
-from jaxfsi.core.laws.wedge_solid import wedge_residual, wedge_stress
+from jaxfsi.core.laws.wedge_solid import wedge_prestress, wedge_residual
 
 WallElements = AbstractWallElement | BendingElement
 WallShape = Any
@@ -56,7 +56,7 @@ def by_part(
         of_wedges: applied to the wedges.
         of_rest: applied to the other tetrahedra.
     """
-    S = (None, None) if prestress is None else (prestress.wedges, prestress.rest)
+    S = (None, None) if prestress is None else (prestress.of_wedges, prestress.rest)
     return (
         of_wedges(element.in_wedges(wall), element.wedges, shape.wedges, S[0]),
         of_rest(element.in_rest(wall), element.rest, shape.rest, S[1]),
@@ -113,7 +113,7 @@ def second_stress(
     if isinstance(element, BendingElement):
         in_wedges, in_rest = element.in_wedges(material), element.in_rest(material)
         return BendingPrestress(
-            wedge_stress(d, in_wedges, element.wedges, shape.wedges),
+            *wedge_prestress(d, in_wedges, element.wedges, shape.wedges),
             _tet_stress(d, in_rest, element.rest, shape.rest),
         )
     return _tet_stress(d, material, element, shape)

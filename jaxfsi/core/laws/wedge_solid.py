@@ -7,8 +7,9 @@ taken as constant. They work on twelve sampled strains e of a wedge (`core.eleme
     force = Bᵀ t(e, α),   g(e, α) = 0,   B = ∂e/∂x
     δ force = Bᵀ (∂t/∂e − ∂t/∂α ∂g/∂e / (∂g/∂α)) B δx + (δB)ᵀ t
 
-α is found by Newton's method. The last step is differentiated, which gives forces and derivatives
-of the converged α.
+A prestress works with what keeps the thickness of the wedges even, in the same way along their
+columns. α is found by Newton's method. The last step is differentiated, which gives forces and
+derivatives of the converged α.
 """
 
 from collections.abc import Sequence
@@ -19,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxfsi.core.elements.linear import added, fusion_barrier
+from jaxfsi.core.elements.linear import Tree, added, fusion_barrier
 from jaxfsi.core.elements.wall import Weights
 from jaxfsi.core.elements.wedge import (
     N_SAMPLES,
@@ -27,7 +28,10 @@ from jaxfsi.core.elements.wedge import (
     WedgeCorners,
     WedgeElement,
     WedgeGeometry,
+    WedgePrestress,
     Work,
+    column_stress,
+    column_work,
     compatible_gradient,
     gathered_forces,
     green_strain,
@@ -56,7 +60,7 @@ from jaxfsi.core.laws.solid import Wall
 _STEPS = 4
 """Newton steps for α before the one that is differentiated: 1e-12 at strains of 0.2."""
 
-Prestress = Float[Array, "3 3 2 wedges"] | None
+Prestress = WedgePrestress | None
 
 
 class WedgeTangent(NamedTuple):
@@ -90,9 +94,10 @@ def _elastic(
 ) -> Work:
     """Work of elasticity and prestress."""
     stress = _stress(e, alpha, material, shape)
-    if prestress is not None:
-        stress = combined((1.0, stress), (1.0, prestress))
-    return worked(stress, shape)
+    if prestress is None:
+        return worked(stress, shape)
+    t, g = worked(combined((1.0, stress), (1.0, prestress.stress)), shape)
+    return Work(_sum(t, column_work(prestress.columns, shape)), g)
 
 
 class Enhanced(NamedTuple):
@@ -140,8 +145,8 @@ def _viscous(rate: Samples, wall: Wall, shape: WedgeGeometry) -> Work:
     return worked(combined((2.0 * wall.damping, E)), shape)
 
 
-def _young(wall: Wall) -> Array:
-    lam, G = (jnp.asarray(m) for m in wall.material.moduli)
+def _young(material: AbstractMaterial) -> Array:
+    lam, G = (jnp.asarray(m) for m in material.moduli)
     return G * (3.0 * lam + 2.0 * G) / (lam + G)
 
 
@@ -149,7 +154,7 @@ def _all_work(
     e: Samples, rate: Samples, elastic: Samples, wall: Wall, shape: WedgeGeometry
 ) -> Samples:
     """Work of all stresses, that of elasticity and prestress given."""
-    parts = elastic, stabilised(e, _young(wall), shape), _viscous(rate, wall, shape).t
+    parts = elastic, stabilised(e, _young(wall.material), shape), _viscous(rate, wall, shape).t
     return tuple(added(values) for values in zip(*parts, strict=True))
 
 
@@ -184,7 +189,9 @@ def wedge_residual(
 
 def _held(prestress: Prestress, shape: WedgeGeometry) -> Samples | None:
     """Work of a prestress alone."""
-    return None if prestress is None else worked(prestress, shape).t
+    if prestress is None:
+        return None
+    return _sum(worked(prestress.stress, shape).t, column_work(prestress.columns, shape))
 
 
 def _less(a: Samples, b: Samples) -> Samples:
@@ -195,7 +202,7 @@ def _moved(d: WedgeCorners, shape: WedgeGeometry) -> WedgeCorners:
     return _sum(shape.corners, d)
 
 
-def _sum(a: WedgeCorners, b: WedgeCorners) -> WedgeCorners:
+def _sum(a: Tree, b: Tree) -> Tree:
     return jax.tree.map(jnp.add, a, b)
 
 
@@ -236,7 +243,7 @@ def _condensed(
     """What a change of each sample adds to the work on each, with α in equilibrium."""
     strain = fusion_barrier(green_strain(e, alpha, shape), shape)
     law = _law_moduli(strain, wall.material, shape)
-    young, damping = weights.d * _young(wall), 2.0 * weights.u * wall.damping
+    young, damping = weights.d * _young(wall.material), 2.0 * weights.u * wall.damping
     one = jnp.ones_like(shape.volume)
 
     def change(unit: Float[Array, " samples"], on_alpha: Array) -> Float[Array, "13 wedges"]:
@@ -311,6 +318,18 @@ def element_matrices(tangent: WedgeTangent) -> Float[Array, "wedges 18 18"]:
     return jnp.moveaxis(jax.vmap(column)(units), 0, 2)
 
 
+def wedge_prestress(
+    d: Float[Array, "3 nodes"],
+    material: AbstractMaterial,
+    wedges: WedgeElement,
+    shape: WedgeGeometry,
+) -> WedgePrestress:
+    """Stress of a displacement as a prestress has it [dyn/cm²]."""
+    e = sampled_strains(wedge_corners(d, wedges), shape, small=material.is_small_strain)
+    columns = column_stress(e, _young(material), shape)
+    return WedgePrestress(wedge_stress(d, material, wedges, shape), columns)
+
+
 def wedge_stress(
     d: Float[Array, "3 nodes"],
     material: AbstractMaterial,
@@ -359,7 +378,7 @@ def wedge_stress_and_strain(
         (1.0, _stress(measured, alpha, wall.material, shape)), (2.0 * wall.damping, viscous)
     )
     if prestress is not None:
-        S = combined((1.0, S), (1.0, prestress))
+        S = combined((1.0, S), (1.0, prestress.stress))
     assumed = green_strain(e, alpha, shape)
     F = _deformation(x, shape, assumed)
     sigma = combined((1.0 / determinant(F), product(F, product(S, transposed(F)))))

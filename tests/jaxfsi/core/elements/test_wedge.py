@@ -18,6 +18,7 @@ from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.wedge_solid import (
     apply_wedges,
     element_matrices,
+    wedge_prestress,
     wedge_residual,
     wedge_stress,
     wedge_stress_and_strain,
@@ -101,6 +102,32 @@ def test_forces_are_the_gradient_of_an_energy(plate, material):
     tangent = wedge_tangent(jnp.zeros_like(x), d, STATIC, wall, wedges, shape)
     applied = apply_wedges(tangent, v, wedges, shape)
     np.testing.assert_allclose(applied, K_v, atol=1e-6 * float(jnp.max(abs(K_v))))
+
+
+@pytest.mark.parametrize("law", ["linear", "neo_hookean"])
+def test_tangent_has_the_prestress_also_along_the_columns(plate, law):
+    x, wedges, shape, _ = plate
+    wall = Wall(MATERIALS[law])
+    hooke = LinearElastic.of_moduli(*wall.material.moduli)
+    d, e, v = (
+        0.004 * jax.random.normal(k, x.shape) for k in jax.random.split(jax.random.key(6), 3)
+    )
+    prestress = wedge_prestress(e, hooke, wedges, shape)
+    assert float(jnp.max(jnp.abs(prestress.columns))) > 0.0
+    _, change = jax.jvp(lambda d: _forces(d, wall, wedges, shape, prestress), (d,), (v,))
+    tangent = wedge_tangent(jnp.zeros_like(x), d, STATIC, wall, wedges, shape, prestress)
+    found = apply_wedges(tangent, v, wedges, shape)
+    np.testing.assert_allclose(found, change, atol=1e-6 * float(jnp.max(abs(change))))
+
+
+def test_prestress_of_a_small_displacement_pushes_as_the_displacement_does(plate):
+    x, wedges, shape, _ = plate
+    wall = Wall(MATERIALS["linear"])
+    e = 0.004 * jax.random.normal(jax.random.key(7), x.shape)
+    prestress = wedge_prestress(e, wall.material, wedges, shape)
+    due = _forces(e, wall, wedges, shape)
+    pushed = _forces(jnp.zeros_like(x), wall, wedges, shape, prestress)
+    np.testing.assert_allclose(pushed, due, atol=1e-9 * float(jnp.max(abs(due))))
 
 
 @pytest.mark.parametrize(

@@ -37,11 +37,9 @@ _TOLERANCE, _REDUCTION, _DERIVATIVE = 1e-6, 1e-2, 1e-6
 """Forces out of balance over loads, and how far the systems of equilibrium and its derivative are
 solved: a thousandth of what contours tell."""
 
-_LINEAR = 200
-"""Iterations of GMRES at most; moduli may lie far from those of the preconditioner."""
-
-_NEWTON = 30
-"""Systems of Newton's method at most."""
+_LINEAR, _NEWTON = 150, 15
+"""Iterations of GMRES and systems of Newton's method at most. With the factor of their own moduli
+equilibria of a patient take 10 to 35 iterations a system and 4 to 12 systems."""
 
 
 class WallStiffness(eqx.Module):
@@ -108,14 +106,14 @@ class LoadedWall(eqx.Module):
     outside: PressureLoad
     thickening: Float[Array, "3 nodes"] | None
 
+    def factored(self, stiffness: WallStiffness) -> "LoadedWall":
+        """The wall with the factor of a concrete stiffness; the factor has the thickness of 1."""
+        model = _stiffened(self.model, stiffness, self.region)
+        return eqx.tree_at(lambda wall: wall.factor, self, static_factor(model))
+
     def with_stiffness(self, stiffness: WallStiffness) -> Model:
         """The model with given stiffness."""
-        moduli = jnp.stack([stiffness.aorta, stiffness.coronary, stiffness.septum])
-        model = eqx.tree_at(
-            lambda m: (m.wall.material.E, m.wall.support_stiffness),
-            self.model,
-            (moduli[self.region], stiffness.support),
-        )
+        model = _stiffened(self.model, stiffness, self.region)
         if self.thickening is None:
             return model
         x = model.x + (stiffness.thickness - 1.0) * self.thickening
@@ -133,31 +131,51 @@ class LoadedWall(eqx.Module):
             is_leaf=lambda leaf: leaf is None,
         )
         dead = load_forces(Loads((self.outside,)), jnp.zeros_like(model.x), model)
-        e = _found(small, Loads(force=dead), self.factor)
+        e = _found(small, Loads(force=dead), self.factor, jnp.zeros_like(model.x))
         return second_stress(e, hooke, model.element, wall_geometry(model.x, model.element))
 
-    def motion(
-        self, stiffness: WallStiffness, P: Float[Array, "states nodes"]
-    ) -> tuple[Motion, Float[Array, "states 3 nodes"]]:
-        """Lumen in several states, and the displacement of the wall [cm]; nan where not found.
+    def state(
+        self,
+        stiffness: WallStiffness,
+        P: Float[Array, " nodes"],
+        start: Float[Array, "3 nodes"],
+    ) -> tuple[Motion, Float[Array, "3 nodes"]]:
+        """Lumen in one state, and the displacement of the wall [cm]; nan where not found.
 
         Args:
             stiffness: of the wall.
             P: pressure in the lumens less that of the image, at all nodes [dyn/cm²].
+            start: displacement from which the search sets out [cm].
         """
         model = self.with_stiffness(stiffness)
         image = self.rings.size(model.x)
+        loads = Loads((self.outside, self.inside._replace(p=P)))
+        d = _found(model, loads, self.factor, start)
+        size = self.rings.size(model.x + d)
+        return Motion(size.area / image.area, size.minor / image.minor), d
 
-        def one(p):
-            loads = Loads((self.outside, self.inside._replace(p=p)))
-            d = _found(model, loads, self.factor)
-            size = self.rings.size(model.x + d)
-            return Motion(size.area / image.area, size.minor / image.minor), d
-
-        return jax.lax.map(one, P)
+    def motion(
+        self, stiffness: WallStiffness, P: Float[Array, "states nodes"]
+    ) -> tuple[Motion, Float[Array, "states 3 nodes"]]:
+        """Lumen in several states, each from the image under its whole load; see `state`."""
+        return jax.lax.map(lambda p: self.state(stiffness, p, jnp.zeros_like(self.model.x)), P)
 
 
-def _found(model: Model, loads: Loads, factor: WallFactor) -> Float[Array, "3 nodes"]:
+def _stiffened(
+    model: Model, stiffness: WallStiffness, region: Int[Array, " solid_tets"]
+) -> Model:
+    """A model with the moduli of its regions and the support."""
+    moduli = jnp.stack([stiffness.aorta, stiffness.coronary, stiffness.septum])
+    return eqx.tree_at(
+        lambda m: (m.wall.material.E, m.wall.support_stiffness),
+        model,
+        (moduli[region], stiffness.support),
+    )
+
+
+def _found(
+    model: Model, loads: Loads, factor: WallFactor, start: Float[Array, "3 nodes"]
+) -> Float[Array, "3 nodes"]:
     """Displacement in equilibrium, nan where none was found."""
     end = equilibrium(
         model,
@@ -168,6 +186,7 @@ def _found(model: Model, loads: Loads, factor: WallFactor) -> Float[Array, "3 no
         max_linear=_LINEAR,
         reduction=_REDUCTION,
         derivative=_DERIVATIVE,
+        start=start,
         throw=False,
     )
     return jnp.where(end.result == RESULTS.successful, end.d, jnp.nan)
@@ -213,12 +232,7 @@ def loaded_wall(
     moved = None
     if thickening is not None:
         moved = jnp.pad(jnp.asarray(thickening.T), ((0, 0), (0, model.n_nodes - len(mesh.points))))
-    moduli = jnp.stack([start.aorta, start.coronary, start.septum])
-    initial = eqx.tree_at(
-        lambda m: (m.wall.material.E, m.wall.support_stiffness),
-        model,
-        (moduli[region], start.support),
-    )
+    initial = _stiffened(model, start, jnp.asarray(region))
     return LoadedWall(
         initial, static_factor(initial), jnp.asarray(region), rings, inside, outside, moved
     )

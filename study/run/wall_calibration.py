@@ -10,7 +10,6 @@ beside it stands the same mesh with linear elements.
 import dataclasses
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,12 +17,14 @@ from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from calibration import Fit, FreeParameter, LumenProfile, lumen_change
+from calibration.found_motion import found_motion
 from calibration.loaded_wall import LoadedWall, WallStiffness, loaded_wall
 from calibration.lumen_record import CONTOUR_ERROR
 from calibration.wall_stiffness import (
     MotionData,
     fit_stiffness,
     free_stiffness,
+    known,
     misfit,
     stiffness_interval,
 )
@@ -55,6 +56,9 @@ SUPPORT = 1e4
 """Support at which a fit starts where the case has none [dyn/cm³]."""
 
 MOST_STEPS = 25
+
+_MODULI = free_stiffness(("aorta",))
+"""By what the lumen of linear elements is differentiated; the derivative is not used."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -149,13 +153,16 @@ def calibrate_wall(
     P = _pressures(mesh, anatomy, wall, image, others, course)
     data = _data(wall, P, profiles, image, others, chosen)
     progress.step("fitting the stiffness")
+    parameters = known(parameters, start)
     found, evaluations = _fitted(data, start, parameters, progress)
     progress.step("predicting all states")
     linear = _wall(case, mesh, anatomy, image, start, course, "linear", thickens=False)
+    named = [(state.name, pressure) for state, pressure in zip(others, P, strict=True)]
+    vertices = [(name, pressure[: linear.model.n_nodes]) for name, pressure in named]
     motion = {
-        "linear": _motion(linear, start, P[:, : linear.model.n_nodes]),
-        "literature": _motion(wall, start, P),
-        "fitted": _motion(wall, found.model, P),
+        "linear": _motion(linear, start, _MODULI, vertices),
+        "literature": _motion(wall, start, parameters, named),
+        "fitted": _motion(wall, found.model, parameters, named),
     }
     states = tuple(
         StateMotion(
@@ -190,10 +197,11 @@ def _fitted(
     """The fit, and how often it computed the motion."""
     count = 0
 
-    def told(k: int, cost: float) -> None:
+    def told(k: int, cost: float, found: bool) -> None:
         nonlocal count
         count = k
-        progress.tell(f"evaluation {k}, χ² {cost:.4g}")
+        short = "" if found else ", no equilibrium there: a shorter step"
+        progress.tell(f"evaluation {k}, χ² with priors {cost:.4g}{short}")
 
     found = fit_stiffness(data, start, free=parameters, max_steps=MOST_STEPS, told=told)
     return found, count
@@ -272,7 +280,25 @@ def _data(
 
 
 def _motion(
-    wall: LoadedWall, stiffness: WallStiffness, P: Float[np.ndarray, "states nodes"]
+    wall: LoadedWall,
+    stiffness: WallStiffness,
+    free: tuple[FreeParameter, ...],
+    states: Sequence[tuple[str, Float[np.ndarray, " nodes"]]],
 ) -> tuple[np.ndarray, np.ndarray]:
-    motion, _ = eqx.filter_jit(LoadedWall.motion)(wall, stiffness, jnp.asarray(P))
-    return np.log(np.asarray(motion.area)), np.log(np.asarray(motion.minor))
+    """Logarithms of the ratios of area and minor axis in all states.
+
+    Raises:
+        RuntimeError: a state has no equilibrium.
+    """
+    logarithms = []
+    for name, P in states:
+        found = found_motion(wall, stiffness, free, P)
+        if found is None:
+            given = ", ".join(f"{key} {float(v):.3g}" for key, v in vars(stiffness).items())
+            raise RuntimeError(
+                f"the wall has no equilibrium under the pressure of {name} ({given}). Fit this"
+                " state as well (--fit), or hold some of the moduli (--free)."
+            )
+        logarithms.append(np.asarray(found.log))
+    area, minor = np.moveaxis(np.array(logarithms), 1, 0)
+    return area, minor

@@ -97,6 +97,7 @@ def equilibrium(
     max_linear: int = 100,
     reduction: float = REDUCTION,
     derivative: float = DERIVATIVE,
+    start: Field | None = None,
     throw: bool = True,
 ) -> Equilibrium:
     """Displacement at which the wall is in equilibrium with its loads.
@@ -112,6 +113,7 @@ def equilibrium(
         reduction: to what part of its right-hand side a system of Newton's method is solved, or
             less far where the equilibrium asks for no more.
         derivative: to what part of its right-hand side a system of derivatives is solved.
+        start: displacement from which the search sets out [cm]; None: that of the image, zero.
         throw: raise where no equilibrium is found; otherwise the result says so.
 
     Raises:
@@ -121,7 +123,8 @@ def equilibrium(
     if model.wall is None:
         raise ValueError(NO_WALL)
     options = (n_load_steps, tolerance, max_newton, max_linear, reduction, derivative)
-    end = _equilibrium(model, loads, factor, options)
+    start = jnp.zeros_like(model.x) if start is None else start
+    end = _equilibrium(model, loads, factor, jax.lax.stop_gradient(start), options)
     return _checked(end, throw)
 
 
@@ -246,7 +249,7 @@ class _Search(NamedTuple):
 
 
 @eqx.filter_jit
-def _equilibrium(model, loads, factor, options) -> Equilibrium:
+def _equilibrium(model, loads, factor, start, options) -> Equilibrium:
     n_load_steps, tolerance, max_newton, max_linear, reduction, derivative = options
     factor = jax.lax.stop_gradient(factor)
     shape = wall_geometry(model.x, model.element)
@@ -336,7 +339,7 @@ def _equilibrium(model, loads, factor, options) -> Equilibrium:
 
     flat, report = jax.lax.custom_root(
         lambda flat: out_of_balance(flat, 1.0),
-        zero.reshape(-1),
+        start.reshape(-1),
         solve,
         tangent_solve,
         has_aux=True,

@@ -161,9 +161,7 @@ class LoadedWall(eqx.Module):
         return jax.lax.map(lambda p: self.state(stiffness, p, jnp.zeros_like(self.model.x)), P)
 
 
-def _stiffened(
-    model: Model, stiffness: WallStiffness, region: Int[Array, " solid_tets"]
-) -> Model:
+def _stiffened(model: Model, stiffness: WallStiffness, region: Int[Array, " solid_tets"]) -> Model:
     """A model with the moduli of its regions and the support."""
     moduli = jnp.stack([stiffness.aorta, stiffness.coronary, stiffness.septum])
     return eqx.tree_at(

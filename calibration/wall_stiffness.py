@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from calibration.fit import fit
@@ -37,6 +38,9 @@ Of moduli: the compliance of 45 human thoracic aortas reached from 1.9 to 17 mmÂ
 (Langewouters, Wesseling & Goedhard 1984, J. Biomech. 17:425), a factor of 3 either way, taken as
 two standard deviations; the same is assumed of coronary and septum. Of the support, of which little
 is known: a factor of 20 either way. Of the thickness, which images do not show well: 1.6."""
+
+IDLE = 0.9
+"""Share of its spread between people above which nothing was learned of a number."""
 
 _NEAR = 1e-2
 """Distance from the optimum, in posterior standard deviations, that counts as none."""
@@ -160,8 +164,8 @@ def fit_stiffness(
 
     The steps are those of `DampedGaussNewton`, taken one by one, so that equilibria and derivatives
     are compiled once. Each sets out from the equilibria of the last that was taken; where it finds
-    none, it is not taken and the next is shorter. What is known of the optimum is that of `calibration.fit` on the motion to
-    first order about it.
+    none, it is not taken and the next is shorter. What is known of the optimum is that of
+    `calibration.fit` on the motion to first order about it.
 
     Args:
         data: the states to fit.
@@ -244,3 +248,34 @@ def misfit(found: Fit) -> float:
 def stiffness_interval(found: Fit) -> Float[Array, "n 2"]:
     """Interval of 95 % of each free parameter, widened by `misfit`."""
     return found.interval(1.96 * misfit(found))
+
+
+def learned(found: Fit) -> tuple[str, ...]:
+    """What the lumens say of each number beyond what was known, in plain words.
+
+    Where the data are poor the optimum is the prior, and says nothing of this patient.
+    """
+    lines = [
+        f"{parameter.name} ended at its {'upper' if int(side) > 0 else 'lower'} bound: the lumens"
+        " ask for more than any tissue has, so that the model lacks something."
+        for parameter, side in zip(found.free, found.at_bound, strict=True)
+        if int(side) != 0
+    ]
+    idle = []
+    for parameter, sd in zip(found.free, np.asarray(found.sd_scaled), strict=True):
+        if parameter.prior is None:
+            continue
+        share = float(sd) / float(parameter.prior[1])
+        if share > IDLE:
+            idle.append(parameter.name)
+        else:
+            lines.append(
+                f"Of {parameter.name} the lumens leave {100.0 * share:.0f} % of the spread that it"
+                " has between people."
+            )
+    if idle:
+        lines.append(
+            f"Of {', '.join(idle)} the lumens say next to nothing: value and interval are what is"
+            " known of other people, not of this patient."
+        )
+    return tuple(lines)

@@ -25,6 +25,7 @@ from calibration.wall_stiffness import (
     fit_stiffness,
     free_stiffness,
     known,
+    learned,
     misfit,
     stiffness_interval,
 )
@@ -93,7 +94,7 @@ class WallFit:
         names: what was fitted.
         interval: of 95 % of each, widened by the misfit.
         misfit: root of χ² over its degrees of freedom, at least 1 [-].
-        messages: bounds that were reached, and what the lumens do not determine.
+        messages: what the lumens say of each number, see `learned`.
         evaluations: how often the motion was computed for the fit.
     """
 
@@ -183,7 +184,7 @@ def calibrate_wall(
         names=found.names,
         interval=np.asarray(stiffness_interval(found)),
         misfit=misfit(found),
-        messages=found.messages(),
+        messages=learned(found),
         evaluations=evaluations,
     )
 

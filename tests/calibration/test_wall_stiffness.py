@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration import wall_stiffness
 from calibration.free_parameter import FreeParameter, write
 from calibration.loaded_wall import WallStiffness, loaded_wall
 from calibration.lumen_record import LumenChange
@@ -13,6 +14,8 @@ from calibration.wall_stiffness import (
     MotionData,
     fit_stiffness,
     free_stiffness,
+    known,
+    learned,
     linear_motion,
     misfit,
     stiffness_interval,
@@ -102,7 +105,7 @@ def _off(data, area, minor):
 @pytest.mark.slow  # compiles equilibria and their derivatives
 def test_moduli_are_recovered_from_the_models_own_motion(exact):
     found = fit_stiffness(exact, START, free=free_stiffness(["aorta", "coronary"]))
-    # The fit ends 1e-3 standard deviations from the optimum, those of the moduli being 10 %.
+    # The fit ends 1e-2 standard deviations from the optimum, those of the moduli being 10 %.
     assert float(found.model.aorta) == pytest.approx(4e6, rel=1e-3)
     assert float(found.model.coronary) == pytest.approx(2e6, rel=1e-3)
     assert int(found.identifiability.rank) == 2
@@ -133,7 +136,9 @@ def test_residual_has_the_derivative_of_central_differences(element):
     motion = LumenChange(*(jnp.full((2, 4), value) for value in (0.0, 0.0, 1.0, 1.0)))
     data = MotionData(wall, P, motion)
     at = jnp.log(jnp.array([3e6, 2.5e6, 3e4, 1.1][: len(free)]))
-    slope = linear_motion(data, START, free, at).jacobian
+    found = linear_motion(data, START, free, at)
+    assert found is not None
+    slope = found[0].jacobian
     residual = eqx.filter_jit(lambda u: data(write(START, free, jnp.exp(u))))
     for i in range(len(free)):
         step = jnp.zeros(len(free)).at[i].set(1e-2)
@@ -161,6 +166,28 @@ def test_a_misfit_widens_the_interval(exact):
     assert wide == pytest.approx(misfit(found) * plain)
     if np.any(np.asarray(found.at_bound)):
         assert any("bound" in line for line in found.messages())
+
+
+def test_a_trial_without_equilibrium_shortens_the_step(exact, monkeypatch):
+    """The second evaluation finds nothing; the fit says so, and ends where it would have ended."""
+    found_motion, calls = wall_stiffness.found_motion, []
+
+    def at_first_not(*args, near, **options):
+        calls.append(near)
+        return None if len(calls) == 3 else found_motion(*args, near=near, **options)
+
+    monkeypatch.setattr(wall_stiffness, "found_motion", at_first_not)
+    told = []
+    free = known(free_stiffness(["aorta", "coronary"]), START)
+    found = fit_stiffness(exact, START, free=free, told=lambda *said: told.append(said))
+    assert [sound for _, _, sound in told[:3]] == [True, False, True]
+    assert told[1][1] == told[0][1]
+    assert calls[0] is None
+    assert calls[2] is not None
+    # Priors of 50 % about wrong starts pull moduli known to 10 % by 4 % of the way, at most 1.4 %.
+    assert float(found.model.aorta) == pytest.approx(4e6, rel=0.03)
+    assert float(found.model.coronary) == pytest.approx(2e6, rel=0.03)
+    assert all("leave" in line for line in learned(found))
 
 
 def test_what_cannot_be_fitted_is_refused(wall, pressures):

@@ -82,7 +82,7 @@ class WallDocument:
         stiffness: what was fitted.
         misfit: root of χ² over its degrees of freedom, at least 1 [-].
         evaluations: how often the motion was computed for the fit.
-        determined: bounds that were reached, and what the lumens do not determine.
+        determined: what the lumens say of each number beyond what was known beforehand.
         notes: how far the prediction falls short, and what may be the reason.
         states: measured and predicted lumens of the others.
         provenance: inputs, options, versions.

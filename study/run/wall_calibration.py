@@ -293,7 +293,7 @@ def _motion(
     """
     logarithms = []
     for name, P in states:
-        found = found_motion(wall, stiffness, free, P)
+        found = found_motion(wall, stiffness, free, jnp.asarray(P))
         if found is None:
             given = ", ".join(f"{key} {float(v):.3g}" for key, v in vars(stiffness).items())
             raise RuntimeError(

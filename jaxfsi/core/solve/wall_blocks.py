@@ -102,7 +102,7 @@ def vertex_block(model: Model, weights: Weights) -> sp.csr_matrix:
     element, rest = model.element, jnp.zeros_like(model.x)
     shape = wedge_geometry(model.x, element.wedges)
     weights = Weights(*(jnp.asarray(w, float) for w in weights))
-    wall, S = element.in_wedges(model.wall), model.prestress and model.prestress.wedges
+    wall, S = element.in_wedges(model.wall), model.prestress and model.prestress.of_wedges
     tangent = eqx.filter_jit(wedge_tangent)(rest, rest, weights, wall, element.wedges, shape, S)
     values = np.asarray(eqx.filter_jit(element_matrices)(tangent))
     nodes = np.asarray(element.wedges.nodes).T

@@ -166,7 +166,8 @@ class AbstractMaterial(eqx.Module):
         """Second Piola-Kirchhoff stress [dyn/cm²] at Green's strain, S = U⁻¹ P(U).
 
         U is the triangular factor of C = I + 2E = UᵀU: the stress of an objective law does not
-        depend on the rotation that is left out. Not a number where C is not positive definite.
+        depend on the rotation that is left out. Not a number where C is not positive definite. A
+        law written in E takes fewer operations and compiles faster.
         """
         U = right_triangular(E)
         return triangular_solve(U, self.stress(U))
@@ -296,6 +297,13 @@ class SaintVenantKirchhoff(AbstractMaterial):
         penalty = self.volumetric_penalty * _dilatation(J)
         return combined((1.0, product(F, S)), (penalty, cofactor))
 
+    def second_stress(self, E: Tensor) -> Tensor:
+        """λ tr(E) I + 2 G E + κ_p (J² − 1)/2 C⁻¹ [dyn/cm²] at Green's strain."""
+        lam, G = _lame(self.E, self.nu)
+        square, cofactor = determinant_and_cofactor(plus_identity(combined((2.0, E)), 1.0))
+        penalty = self.volumetric_penalty * (1.0 - 1.0 / square) / 2.0
+        return plus_identity(combined((2.0 * G, E), (penalty, cofactor)), lam * _trace(E))
+
     def split(self) -> tuple["SaintVenantKirchhoff", tuple[Parameter, ...]]:
         """The same law with λ ≤ 2G, and the modulus k [dyn/cm²] left over for each measure."""
         lam, G = _lame(self.E, self.nu)
@@ -338,6 +346,16 @@ class NeoHookean(AbstractMaterial):
         shape = G * J ** (-2.0 / 3.0)
         pressure = (lam + 2.0 * G / 3.0) * _dilatation(J)
         return combined((shape, F), (pressure - shape * mean_square / J, cofactor))
+
+    def second_stress(self, E: Tensor) -> Tensor:
+        """G J^(−2/3) (I − tr(C)/3 C⁻¹) + κ (J² − 1)/2 C⁻¹ [dyn/cm²] at Green's strain."""
+        lam, G = self.moduli
+        C = plus_identity(combined((2.0, E)), 1.0)
+        square, cofactor = determinant_and_cofactor(C)
+        shape = G * square ** (-1.0 / 3.0)
+        bulk = (lam + 2.0 * G / 3.0) * (square - 1.0) / 2.0
+        along = (bulk - shape * _trace(C) / 3.0) / square
+        return plus_identity(combined((along, cofactor)), shape)
 
     def split(self) -> tuple["NeoHookean", tuple[Parameter, ...]]:
         """The same law with λ ≤ 2G, and the modulus k [dyn/cm²] left over for each measure."""

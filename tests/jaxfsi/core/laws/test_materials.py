@@ -8,9 +8,11 @@ import pytest
 
 from jaxfsi.core.laws.materials import (
     LOCAL_LAME_RATIO,
+    AbstractMaterial,
     LinearElastic,
     NeoHookean,
     SaintVenantKirchhoff,
+    stacked,
 )
 from jaxfsi.verification import ENERGIES, MATERIALS
 
@@ -45,7 +47,7 @@ def _rotation() -> jnp.ndarray:
 
 def _stress(material, F: jnp.ndarray) -> jnp.ndarray:
     """First Piola-Kirchhoff stress as one array."""
-    return jnp.stack([jnp.stack(list(row)) for row in material.stress(F)])
+    return stacked(material.stress(F))
 
 
 def _single(F: list[list[float]] | np.ndarray) -> jnp.ndarray:
@@ -119,6 +121,17 @@ def test_stress_does_not_depend_on_the_body_being_turned_before(material):
     turned = _stress(material, jnp.einsum("ijn,jk->ikn", F, Q))
     expected = jnp.einsum("ijn,jk->ikn", _stress(material, F), Q)
     np.testing.assert_allclose(turned, expected, atol=1e-9 * float(material.moduli[0]))
+
+
+@pytest.mark.parametrize("material", FINITE.values(), ids=FINITE)
+def test_stress_at_greens_strain_is_that_at_its_deformation(material):
+    F, moduli = _deformations(), float(material.moduli[0])
+    strain = (jnp.einsum("kin,kjn->ijn", F, F) - jnp.eye(3)[:, :, None]) / 2.0
+    P = jnp.einsum("ikn,kjn->ijn", F, stacked(material.second_stress(strain)))
+    np.testing.assert_allclose(P, _stress(material, F), atol=1e-12 * moduli)
+    # the law of the base class, by the triangular factor of C
+    S = stacked(AbstractMaterial.second_stress(material, strain))
+    np.testing.assert_allclose(material.second_stress(strain), S, atol=1e-12 * moduli)
 
 
 @pytest.mark.parametrize("material", FINITE.values(), ids=FINITE)

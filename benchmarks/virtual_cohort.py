@@ -52,7 +52,7 @@ from lumped import (
     pressure_ratio,
     solve_periodic,
 )
-from study.case.parameters import BloodParameters
+from study.case.blood import BloodParameters
 
 SEED = 20240503
 SIDES = ("left",) * 3 + ("right",) * 7

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         SyntheticAnatomy,
     )
     from study.case.beat import Beat
+    from study.case.blood import BloodParameters
     from study.case.condition import Condition
     from study.case.demo import demo_case_path
     from study.case.faults import CaseError, Fault
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
         require,
     )
     from study.case.parameters import (
-        BloodParameters,
         CoronaryParameters,
         MeshOptions,
         SolverOptions,

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pydantic.dataclasses import dataclass
 
 from study.case.anatomy import Anatomy, IvusAnatomy
+from study.case.blood import BloodParameters
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
 from study.case.parameters import (
-    BloodParameters,
     CoronaryParameters,
     MeshOptions,
     SolverOptions,

@@ -10,11 +10,11 @@ import pathlib
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from study.case.blood import BloodParameters
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.parameters import (
-    BloodParameters,
     CoronaryParameters,
     MeshOptions,
     SolverOptions,

@@ -7,10 +7,10 @@ import inspect
 from typing import NamedTuple
 
 from study.case.anatomy import KINDS, MODELS
+from study.case.blood import BloodParameters
 from study.case.condition import Condition
 from study.case.ostium import OstiumLosses
 from study.case.parameters import (
-    BloodParameters,
     CoronaryParameters,
     MeshOptions,
     PatientParameters,

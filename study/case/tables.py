@@ -2,21 +2,21 @@
 
 import re
 from collections.abc import Mapping, Sequence, Sized
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from study.case.advice import nearest
 from study.case.anatomy import KINDS
 from study.case.anatomy_tables import read_anatomy
 from study.case.beat_file import read_beat
+from study.case.blood import BloodParameters
 from study.case.combinations import check_case
 from study.case.condition import CONDITION, CONDITION_NAME, MOST_CONDITIONS
 from study.case.faults import printable, shown_key
-from study.case.laws import CARREAU_YASUDA
+from study.case.laws import CARREAU_YASUDA, FIBRES
 from study.case.losses_table import read_losses
 from study.case.ostium import K
 from study.case.parameters import (
     STRESS_FACTORS,
-    BloodParameters,
     CoronaryParameters,
     MeshOptions,
     PatientParameters,
@@ -28,7 +28,7 @@ from study.case.parameters import (
     WallParameters,
     WindkesselParameters,
 )
-from study.case.schema import FREE_TEXT, Key, Value, keys_of, spellings
+from study.case.schema import FREE_TEXT, Key, Quantity, Value, keys_of, spellings
 from study.case.table_reader import Context, check_order, read_free_texts, read_table
 
 PLAIN: dict[str, type] = {
@@ -47,6 +47,12 @@ WALL, THICKNESS, STRESS = (
     keys_of(WallParameters),
     keys_of(ThicknessBounds),
     keys_of(StressParameters),
+)
+_LAWS = get_args(get_type_hints(WallParameters)["material"])
+_FIBRE_KEYS = tuple(
+    key
+    for key in WALL
+    if isinstance(key, Quantity) and key.field in ("k1", "k2", "fibre_angle", "dispersion")
 )
 TABLES = ("patient", "anatomy", "blood", "wall", "condition", *PLAIN, "stress")
 _OUTPUT_SLACK = 0.1
@@ -99,6 +105,7 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
     values["stress"] = _read_stress(document.get("stress", {}), context)
     check_case(values, document, context)
     _check_laws(document, context)
+    _check_fibres(document.get("wall"), context)
     _check_thinning(values.get("blood"), context)
     return values
 
@@ -132,6 +139,23 @@ def _check_laws(document: Mapping[str, Any], context: Context) -> None:
         problem = f"the law {wall['material']} has no such penalty"
         cure = f'remove it, or write material = "{stiff}"'
         context.add(f"wall.{penalty}", wall[penalty], problem, cure)
+
+
+def _check_fibres(wall: object, context: Context) -> None:
+    """Refuse numbers of fibres in a wall that has none, and fibres of no stiffness."""
+    table = wall if isinstance(wall, dict) else {}
+    law = table.get("material", WallParameters.material)
+    given = [key.key for key in _FIBRE_KEYS if table.get(key.key, key.usual) != key.usual]
+    if law not in _LAWS:
+        return  # refused already
+    if given and law != FIBRES:
+        problem = f"the law {law} has no fibres"
+        cure = f'remove {" and ".join(given)}, or write material = "{FIBRES}"'
+        context.add(f"wall.{given[0]}", table[given[0]], problem, cure)
+    elif law == FIBRES and not any(table[name] for name in table if name.startswith("k1")):
+        problem = "the fibres have no stiffness"
+        cure = "give k1; typical are 2e4 for the media of a carotid, 1e7 for an adventitia"
+        context.add("wall.k1_dyn_per_cm2", table.get("k1_dyn_per_cm2"), problem, cure, "above 0")
 
 
 def _check_thinning(blood: Mapping[str, Any] | None, context: Context) -> None:

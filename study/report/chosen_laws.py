@@ -1,9 +1,10 @@
 """What a page says of laws of blood, wall and tissue that a case chooses beyond the usual ones."""
 
+import math
 from collections.abc import Iterator
 
 from lumped.units import MM
-from study.case.laws import CARREAU_YASUDA
+from study.case.laws import CARREAU_YASUDA, FIBRES
 from study.case.model import Case
 from study.case.parameters import WallParameters
 
@@ -18,7 +19,13 @@ def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:
         )
     if rigid:
         return
-    if wall.material != WallParameters.material:
+    if wall.material == FIBRES:
+        yield (
+            f"the wall has collagen fibres ({wall.material}) at"
+            f" {math.degrees(wall.fibre_angle):g}° to the circumference, with k1"
+            f" {wall.k1:g} dyn/cm², k2 {wall.k2:g} and dispersion {wall.dispersion:g}"
+        )
+    elif wall.material != WallParameters.material:
         yield f"the elastic law of the wall is {wall.material}"
     if wall.damping:
         yield f"the wall is viscoelastic (Kelvin-Voigt), with {wall.damping:g} poise"

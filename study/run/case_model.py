@@ -13,6 +13,7 @@ import numpy as np
 from jaxfsi import OUTER_WALL, Mesh
 from jaxfsi.core.elements.bending import BendingPrestress
 from jaxfsi.core.laws.contact import LeastGap
+from jaxfsi.core.laws.fibres import HolzapfelGasserOgden
 from jaxfsi.core.laws.fluid import Blood
 from jaxfsi.core.laws.materials import LinearElastic, NeoHookean, SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
@@ -23,18 +24,38 @@ from jaxfsi.core.statics.equilibrium import static_factor
 from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.fields import wall_frame
 from lumped.waveforms import Constant
+from study.case.blood import BloodParameters
+from study.case.laws import FIBRES
 from study.case.model import Case
-from study.case.parameters import BloodParameters, WallParameters
+from study.case.parameters import WallParameters
+
+
+def _with_fibres(wall: WallParameters, mesh: Mesh) -> HolzapfelGasserOgden:
+    """A wall with fibres in the directions of the lumen's frame."""
+    frame = wall_frame(mesh)
+    return HolzapfelGasserOgden(
+        wall.E,
+        wall.nu,
+        k1=wall.k1,
+        k2=wall.k2,
+        angle=wall.fibre_angle,
+        circumference=jnp.asarray(frame.circumference),
+        axis=jnp.asarray(frame.axis),
+        dispersion=wall.dispersion,
+    )
+
 
 MATERIALS = {
-    "linear": lambda wall: LinearElastic(wall.E, wall.nu),
-    "saint_venant_kirchhoff": lambda wall: SaintVenantKirchhoff(
+    "linear": lambda wall, _: LinearElastic(wall.E, wall.nu),
+    "saint_venant_kirchhoff": lambda wall, _: SaintVenantKirchhoff(
         wall.E, wall.nu, wall.volumetric_penalty
     ),
-    "neo_hookean": lambda wall: NeoHookean(wall.E, wall.nu),
+    "neo_hookean": lambda wall, _: NeoHookean(wall.E, wall.nu),
+    FIBRES: _with_fibres,
 }
-"""Elastic laws of the wall by name, from its parameters."""
+"""Elastic laws of the wall by name, from its parameters and the mesh."""
 
 VISCOSITIES = {
     "newtonian": lambda blood: Newtonian(blood.mu),
@@ -54,10 +75,10 @@ def blood_of(blood: BloodParameters) -> Blood:
     return Blood(blood.rho_f, VISCOSITIES[blood.law](blood))
 
 
-def wall_of(wall: WallParameters) -> Wall:
-    """The wall of a model, with the tissue outside."""
+def wall_of(wall: WallParameters, mesh: Mesh) -> Wall:
+    """The wall of a model, with the tissue outside; fibres follow the lumen of the mesh."""
     return Wall(
-        MATERIALS[wall.material](wall),
+        MATERIALS[wall.material](wall, mesh),
         rho_s=wall.rho_s,
         damping=wall.damping,
         support_stiffness=wall.tissue.stiffness,
@@ -100,7 +121,7 @@ def case_model(
         mesh,
         {**ports, **outside},
         blood=blood_of(case.blood),
-        wall=None if rigid else wall_of(case.wall),
+        wall=None if rigid else wall_of(case.wall, mesh),
         wall_element=case.wall.element,
         P_ambient=P_image,
         least_gap=LeastGap(case.wall.minimum_gap) if case.wall.minimum_gap else None,

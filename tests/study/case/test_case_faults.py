@@ -168,6 +168,24 @@ BAD_EDITS = {
         "[wall]", '[wall]\nmaterial = "neo_hookean"\nvolumetric_penalty_dyn_per_cm2 = 1e6',
         "wall.volumetric_penalty_dyn_per_cm2", 'write material = "saint_venant_kirchhoff"',
     ),
+    "fibres of another law": (
+        "[wall]", '[wall]\nmaterial = "neo_hookean"\nk1_dyn_per_cm2 = 1e6\ndispersion = 0.1',
+        "wall.k1_dyn_per_cm2",
+        'remove k1_dyn_per_cm2 and dispersion, or write material = "holzapfel_gasser_ogden"',
+    ),
+    "fibres of the usual law": (
+        "[wall]", "[wall]\nfibre_angle_deg = 40",
+        "wall.fibre_angle_deg", "the law saint_venant_kirchhoff has no fibres",
+    ),
+    "fibres without stiffness": (
+        "[wall]", '[wall]\nmaterial = "holzapfel_gasser_ogden"\nk2 = 2',
+        "wall.k1_dyn_per_cm2", "the fibres have no stiffness",
+    ),
+    "fibres beyond all directions": (
+        "[wall]",
+        '[wall]\nmaterial = "holzapfel_gasser_ogden"\nk1_dyn_per_cm2 = 1e6\ndispersion = 0.4',
+        "wall.dispersion", "from 0, aligned, to 1/3, in all directions",
+    ),
     "key like no other": ("[blood]", "[blood]\nzzz = 1", "blood.zzz", "remove it"),
     "key that needs quotes": ("[blood]", '[blood]\n"a\\nb" = 1', "'a\\\\nb'", "remove it"),
     "key in the wrong table": (

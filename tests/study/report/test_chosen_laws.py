@@ -22,4 +22,8 @@ def test_usual_laws_need_no_words_and_chosen_ones_are_named_with_their_numbers()
     ]
     soft = dataclasses.replace(case, wall=WallParameters(material="neo_hookean"))
     assert list(chosen_laws(soft))[1:] == ["the elastic law of the wall is neo_hookean"]
+    fibres = WallParameters(material="holzapfel_gasser_ogden", k1=1e6, dispersion=0.1)
+    (words,) = list(chosen_laws(dataclasses.replace(case, wall=fibres)))[1:]
+    assert "collagen fibres" in words
+    assert "at 35° to the circumference, with k1 1e+06 dyn/cm², k2 1 and dispersion 0.1" in words
     assert list(chosen_laws(case, rigid=True)) == [blood]

@@ -6,15 +6,25 @@ import jax
 import numpy as np
 import pytest
 
-from jaxfsi.core import CarreauYasuda, LinearElastic, NeoHookean, Newtonian, SaintVenantKirchhoff
+from jaxfsi.core import (
+    CarreauYasuda,
+    HolzapfelGasserOgden,
+    LinearElastic,
+    NeoHookean,
+    Newtonian,
+    SaintVenantKirchhoff,
+)
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.stepper import prepare
+from jaxfsi.mesh import Region
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
 from jaxfsi.simulation import SolverChoice
+from jaxfsi.simulation.checkpoint import fingerprint
 from lumped.waveforms import Constant
-from study.case.parameters import BloodParameters, WallParameters
+from study.case.blood import BloodParameters
+from study.case.parameters import WallParameters
 from study.case.read import read_case
 from study.case.schema import Word, keys_of
 from study.run.anatomy_source import case_mesh
@@ -55,7 +65,7 @@ def read(tmp_path_factory):
 
 def test_defaults_are_a_newtonian_elastic_model_alone_in_space(read):
     case = read()
-    viscosity, wall = blood_of(case.blood).viscosity, wall_of(case.wall)
+    viscosity, wall = blood_of(case.blood).viscosity, wall_of(case.wall, case_mesh(case))
     assert isinstance(viscosity, Newtonian)
     assert float(viscosity.mu) == 0.04
     assert isinstance(wall.material, SaintVenantKirchhoff)
@@ -83,18 +93,50 @@ def test_shear_thinning_arrives(read):
         ("linear", LinearElastic),
         ("saint_venant_kirchhoff", SaintVenantKirchhoff),
         ("neo_hookean", NeoHookean),
+        ("holzapfel_gasser_ogden", HolzapfelGasserOgden),
     ],
 )
 def test_every_law_of_the_wall_arrives(read, name, law):
-    material = wall_of(read(f'[wall]\nmaterial = "{name}"\nE_dyn_per_cm2 = 2e6\n').wall).material
+    fibres = "k1_dyn_per_cm2 = 3e5\n" if law is HolzapfelGasserOgden else ""
+    case = read(f'[wall]\nmaterial = "{name}"\nE_dyn_per_cm2 = 2e6\n{fibres}')
+    material = wall_of(case.wall, case_mesh(case)).material
     assert isinstance(material, law)
     assert float(material.E) == 2e6
+
+
+def test_fibres_arrive_with_directions_round_and_along_the_lumen(read):
+    numbers = "k1_dyn_per_cm2 = 3e5\nk2 = 2.5\nfibre_angle_deg = 40\ndispersion = 0.1\n"
+    case = read(f'[wall]\nmaterial = "holzapfel_gasser_ogden"\n{numbers}')
+    mesh = case_mesh(case)
+    law = wall_of(case.wall, mesh).material
+    assert isinstance(law, HolzapfelGasserOgden)
+    given = [float(v) for v in (law.k1, law.k2, law.angle, law.dispersion)]
+    assert given == pytest.approx([3e5, 2.5, np.radians(40.0), 0.1])
+    middle = mesh.points[mesh.tets_of(Region.SOLID)].mean(axis=1)
+    radial = middle[:, :2] / np.hypot(*middle[:, :2].T)[:, None]
+    # a hexagon: its sides are 30 degrees off a circle at most
+    assert np.max(np.abs(np.sum(radial.T * np.asarray(law.circumference)[:2], axis=0))) < 0.51
+    np.testing.assert_allclose(np.abs(np.asarray(law.axis)[2]), 1.0, atol=1e-6)
+
+
+def test_a_checkpoint_of_other_fibres_is_another_run(read):
+    ports = {"inlet": SHUT, "outlet": SHUT}
+
+    def run_hash(line):
+        fibres = f'material = "holzapfel_gasser_ogden"\nk1_dyn_per_cm2 = 3e5\n{line}'
+        case = read(f'[wall]\nprestress = "none"\n{fibres}')
+        return fingerprint(case_model(case, case_mesh(case), ports, 0.0)).everything
+
+    hashes = {run_hash(line) for line in ("", "fibre_angle_deg = 41\n", "dispersion = 0.1\n")}
+    assert len(hashes) == 3
+    assert run_hash("") in hashes
 
 
 def test_damping_penalty_and_tissue_arrive(read):
     tables = "[wall]\ndamping_poise = 300\nvolumetric_penalty_dyn_per_cm2 = 1e6\n"
     tables += "[tissue]\nstiffness_dyn_per_cm3 = 2e5\ndamping_dyn_s_per_cm3 = 40\n"
-    wall = wall_of(read(tables).wall)
+    case = read(tables)
+    wall = wall_of(case.wall, case_mesh(case))
     assert isinstance(wall.material, SaintVenantKirchhoff)
     assert float(wall.material.volumetric_penalty) == 1e6
     given = (wall.damping, wall.support_stiffness, wall.support_damping)

@@ -1,8 +1,14 @@
 """Elements of the wall: bending and near incompressibility of each, as deflection over the exact.
 
-A clamped strip and a squeezed ring with one to three layers and elements as long as the wall is
-thick, or twice as long, and thinner rings; a thick tube against Lamé; a slit under pressure; thin
-shells in large rotations against published curves. One number is right where linear elements lock.
+A clamped strip and a squeezed ring with one or two layers and elements as long as the wall is
+thick, and thinner rings; a thick tube against Lamé; a slit under pressure; thin shells in large
+rotations against published curves. One number is right where linear elements lock.
+
+Thin rings count from six elements along them. The free edges of a ring that bends curl across its
+axis over 1/β = √(R h)/(3 (1 − ν²))^¼ (Timoshenko & Woinowsky-Krieger 1959, section 114), 0.8 mm at
+t/R 0.04, and three elements along it are 1 mm long: they hold the edges straight and are 2 to 8 %
+too stiff, the more the larger ν. That the ring is a polygon is not the cause. A frame of 32 chords
+with walls as far apart as here, t cos(π/32), is 0.3 % softer than the ring.
 """
 
 from collections.abc import Iterator
@@ -43,17 +49,9 @@ def run(rounds: int) -> dict[str, Any]:
     worst = max(
         abs(row["ratio"] - 1.0)
         for row in rows
-        if row["element"] == "quadratic" and row["around"] != 16 and row["case"] != "slit"
+        if row["element"] == "quadratic" and row["case"] != "slit"
     )
-    one_layer = [
-        row
-        for row in rows
-        if row["element"] == "bending"
-        and row["layers"] == 1
-        and row["around"] != 16
-        and row["case"] != "slit"
-        and row["nu"] < 0.4999
-    ]
+    one_layer = [row for row in rows if _counts(row)]
     shells = wall_shells.shell_rows()
     far = max(row["error"] for row in wall_shells.finest(shells))
     return {
@@ -62,9 +60,11 @@ def run(rounds: int) -> dict[str, Any]:
         "notes": [
             "found, reference: work of the load, the second converged; of the tube, widening and"
             " Lamé's with the axial strain found; of the slit, growth of its area under 40 mmHg.",
-            "16 round the ring makes elements twice as long as the wall is thick.",
-            "slit: 24 x 10 elements; at its ends the wall is four times as thick as the inner"
-            " radius of curvature, where one layer is not enough: not in the pass criterion.",
+            f"{_LEAST} to {_MOST} is asked of one layer of wedges, for nu up to 0.49.",
+            "ring: elements round it x along it. Three along thin ones are longer than the zone in"
+            " which free edges curl, 0.8 mm at t/R 0.04: six are asked for.",
+            "slit: at its ends the wall is four times as thick as the inner radius of curvature."
+            " There two layers are the rule, and they are asked for.",
             *wall_shells.NOTES,
         ],
         "passed": worst <= 0.05
@@ -73,35 +73,52 @@ def run(rounds: int) -> dict[str, Any]:
     }
 
 
+def _counts(row: dict[str, Any]) -> bool:
+    """Whether a row is held against the share that wedges should reach."""
+    if row["element"] != "bending" or row["nu"] > 0.49:
+        return False
+    if row["case"] == "slit":
+        return row["layers"] == 2
+    thin = row["case"].startswith("ring") and row["case"] != "ring, t/R 0.2"
+    return row["layers"] == 1 and not (thin and row["mesh"] == "32x3")
+
+
 def _bent(nu: float, element: WallElement) -> Iterator[dict[str, Any]]:
-    """Rows of strips, rings and tubes."""
-    for layers in (1, 2, 3):
+    """Rows of strips, rings and tubes; near 0.5 of the strip alone."""
+    for layers in (1,) if element == "quadratic" else (1, 2):
         problem = clamped_strip(nu, element, n_layers=layers)
         yield _row("strip", nu, element, layers, problem, STRIP_WORK[nu])
+    if nu > 0.49:
+        return
+    bending = element == "bending"
     for thickness, works in RING_WORK.items():
+        if element == "quadratic" and thickness == min(RING_WORK):
+            continue  # hundreds of iterations
         thick = thickness == max(RING_WORK)
-        for layers, around in ((1, 16), (1, 32), (2, 32)) if thick else ((1, 32),):
-            if nu in works:
-                problem = squeezed_ring(
-                    nu,
-                    element,
-                    n_layers=layers,
-                    n_around=around,
-                    n_axial=max(2, around // 10),
-                    thickness=thickness,
-                )
-                case = f"ring, t/R {thickness / 0.5:.2g}"
-                yield _row(case, nu, element, layers, problem, works[nu], around)
-    for layers in (1, 2) if element == "bending" else (2,):
-        problem = thick_tube(nu, element, n_layers=layers)
-        yield _row("tube", nu, element, layers, problem, None, 32)
+        finer = ((1, 32, 6), (1, 64, 12)) if bending and not thick else ()
+        for layers, around, axial in ((1, 32, 3), *((2, 32, 3),) * (bending and thick), *finer):
+            problem = squeezed_ring(
+                nu,
+                element,
+                n_layers=layers,
+                n_around=around,
+                n_axial=axial,
+                thickness=thickness,
+            )
+            case, mesh = f"ring, t/R {thickness / 0.5:.2g}", f"{around}x{axial}"
+            yield _row(case, nu, element, layers, problem, works[nu], mesh)
+    if element == "quadratic":
+        return
+    layers = 1 if bending else 2
+    problem = thick_tube(nu, element, n_layers=layers, n_axial=12)
+    yield _row("tube", nu, element, layers, problem, None, "32x12")
 
 
 def _slit(nu: float, element: WallElement) -> Iterator[dict[str, Any]]:
     """Rows of the slit; linear and quadratic elements have one layer."""
     for layers in (1, 2) if element == "bending" else (1,):
-        problem = pressurised_slit(nu, element, n_layers=layers)
-        yield _row("slit", nu, element, layers, problem, SLIT_WIDENING[nu], 24)
+        problem = pressurised_slit(nu, element, n_around=32, n_axial=12, n_layers=layers)
+        yield _row("slit", nu, element, layers, problem, SLIT_WIDENING[nu], "32x12")
 
 
 def _row(
@@ -111,7 +128,7 @@ def _row(
     layers: int,
     problem: WallProblem,
     reference: float | None,
-    around: int | str = "",
+    mesh: str = "10x3",
 ) -> dict[str, Any]:
     def solve() -> Any:
         factor = static_factor(problem.model)
@@ -133,7 +150,7 @@ def _row(
         "nu": nu,
         "element": element,
         "layers": layers,
-        "around": around,
+        "mesh": mesh,
         "found": float(found),
         "reference": float(reference),
         "ratio": float(found / reference),

@@ -146,6 +146,15 @@ def _tissue(case: Case) -> Fault | None:
     return Fault(case.path, "anatomy.frame_table", None, problem, "", cure)
 
 
+def _support(case: Case) -> Fault | None:
+    tissue = case.wall.tissue
+    if tissue.stiffness or not tissue.damping:
+        return None
+    problem = "tissue that damps the wall and does not hold it plays no part in an equilibrium"
+    cure = "add stiffness_dyn_per_cm3 to [tissue], where the fit starts, or leave the table out"
+    return Fault(case.path, "tissue.stiffness_dyn_per_cm3", 0.0, problem, "above 0", cure)
+
+
 _LINE = "the centre line is missing; it places the contours in space"
 _RADIUS = "the radius of the aorta is missing; the coronary is joined to it"
 
@@ -161,6 +170,7 @@ REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
     ),
     "calibrate-wall": (
         _contours,
+        _support,
         _ivus_key("centerline", "centerline", _LINE),
         _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
         _tissue,

@@ -9,7 +9,7 @@ from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.report.page import wall_report
 from study.report.wall_results import wall_document
-from study.run.measured_states import fitted_names, measured_states
+from study.run.measured_states import check_compared, fitted_names, measured_states
 from study.run.mesh import planned_steps
 from study.run.progress import Progress
 from study.run.wall_calibration import calibrate_wall
@@ -28,7 +28,9 @@ def wall_command(request: Request[WallOptions], case: Case, folder: pathlib.Path
     options = request.options
     if options.preset is not None:
         case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
-    image, *others = (state.name for state in measured_states(case))
+    states = measured_states(case)
+    check_compared(case, states, options.course * MM)
+    image, *others = (state.name for state in states)
     fitted_names(case, others, options.fit)
     with at_work(folder, note), Progress() as progress:
         origin = provenance(case, request.words, options)

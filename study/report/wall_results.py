@@ -28,8 +28,13 @@ LEFT = (
     "Aortic pressure loads the lumens on both sides of the septum, so that moduli alone change"
     " little. Left are causes that this model does not have: stretch of the vessel along its"
     " length, torsion with the heart, frames that are not registered, tone of the vessel, and the"
-    " catheter in the lumen."
+    " catheter in the lumen. The diagnosis calls such a rest stress_narrowing where it sets stress"
+    " apart from rest, and dynamic_narrowing where it follows the beat; jaxfsi diagnose weighs both"
+    " against other effects on the measured ratios."
 )
+
+STILL = "rigid"
+"""Name of a lumen that does not move."""
 
 
 def wall_document(case: Case, fit: WallFit, provenance: Provenance) -> WallDocument:
@@ -57,7 +62,7 @@ def wall_document(case: Case, fit: WallFit, provenance: Provenance) -> WallDocum
         misfit=fit.misfit,
         evaluations=fit.evaluations,
         determined=list(fit.messages),
-        notes=_notes(states),
+        notes=[*_notes(states), *_unmeasured(fit)],
         states=states,
         provenance=provenance,
     )
@@ -77,6 +82,8 @@ def _state(fit: WallFit, motion: StateMotion) -> LumenState:
         name: _deviation(measured, image, *logarithms)
         for name, logarithms in motion.predicted.items()
     }
+    still = np.zeros_like(measured.log_area)
+    off[STILL] = _deviation(measured, image, still, still)
     change = {"measured": float(np.mean(np.exp(measured.log_area - image.log_area) - 1.0))}
     change |= {name: float(np.mean(np.exp(a) - 1.0)) for name, (a, _) in motion.predicted.items()}
     return LumenState(
@@ -125,9 +132,24 @@ def _notes(states: dict[str, LumenState]) -> list[Note]:
             f"{name.replace('_', ' ')} ({way}): the area changes by"
             f" {100 * state.change['measured']:+.1f} % as measured and by"
             f" {100 * state.change['fitted']:+.1f} % in the fitted wall, on average over the"
-            f" course; what it misses is {off:.1f} standard deviations."
+            f" course; what it misses is {off:.1f} standard deviations,"
+            f" where a lumen that does not move misses {state.deviation[STILL]:.1f}."
         )
         found.append(Note("warning" if short else "info", text))
     if any(note.level == "warning" for note in found):
         found.append(Note("warning", LEFT))
     return found
+
+
+def _unmeasured(fit: WallFit) -> list[Note]:
+    """States in whose condition no pressure was measured behind the course."""
+    names = [
+        motion.state.name.replace("_", " ") for motion in fit.states if not motion.state.measured
+    ]
+    if not names:
+        return []
+    text = (
+        f"{', '.join(names)}: no pressure ratio is known in this condition, so that the pressure"
+        " does not fall along the course here. Give ffr in its table if it was measured."
+    )
+    return [Note("info", text)]

@@ -13,11 +13,17 @@ from calibration import LumenProfile, lumen_profile
 from calibration.lumen_record import frame_distance
 from jaxfsi import Lumen, read_ivus_contours
 from jaxfsi.text_files import read_table
-from lumped.units import MM
+from lumped.units import MM, MMHG
 from study.case.anatomy import IvusAnatomy, IvusState
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.run.anatomy_source import file_fault
+
+LEAST_FRAMES = 3
+"""Frames of the image that a course has at least."""
+
+MOST_TIMES = 4.0
+"""Area over that of another state, at the median of the course, that no lumen of a person has."""
 
 
 class MeasuredState(NamedTuple):
@@ -28,12 +34,14 @@ class MeasuredState(NamedTuple):
         P_aorta: pressure in the aorta [dyn/cm²].
         ratio: pressure at the end of the course over that in the aorta [-].
         lumen: its contours.
+        measured: whether the ratio was measured; otherwise it is 1.
     """
 
     name: str
     P_aorta: float
     ratio: float
     lumen: Lumen
+    measured: bool = True
 
     def pressure(self, fallen: Float[np.ndarray, " nodes"]) -> Float[np.ndarray, " nodes"]:
         """Pressure where a share of the course has been passed [dyn/cm²]."""
@@ -59,7 +67,7 @@ def measured_states(case: Case) -> list[MeasuredState]:
         P = float(entry.P_systolic if phase == "systole" else entry.P_diastolic)
         lumen = _lumen(case, state)
         ratio = 1.0 if entry.ffr is None else float(entry.ffr)
-        found.append(MeasuredState(name, P, ratio, lumen))
+        found.append(MeasuredState(name, P, ratio, lumen, entry.ffr is not None))
     return found
 
 
@@ -113,6 +121,44 @@ def _registration(case: Case, place: str, state: IvusState) -> list[Fault]:
     problem = f"the frame nearest to the ostium lies {first:g} mm from it"
     cure = "give the frames from the ostium on, at position 0, or the state is not registered"
     return [Fault(case.path, f"{place}.frame_table", None, problem, "within a frame", cure)]
+
+
+def check_compared(case: Case, states: Sequence[MeasuredState], course: float) -> None:
+    """Refuse states that cannot be compared over a course [cm] from the ostium.
+
+    Raises:
+        CaseError: the course is too short or goes on where contours end, a lumen is many times that
+            of the image, or a state has the pressure of the image.
+    """
+    faults = []
+    image, *others = states
+    least = LEAST_FRAMES * frame_distance(image.lumen)
+    if course < least:
+        problem = f"a course of {course / MM:g} mm has less than {LEAST_FRAMES} frames"
+        allowed, cure = f"{least / MM:.3g} mm or more", "compare a longer --course"
+        raise CaseError([Fault(case.path, "", None, problem, allowed, cure)])
+    along = np.linspace(max(float(state.lumen.s[0]) for state in states), course, 9)
+    for state in states:
+        place, last = f"anatomy.states.{state.name}.contours", float(state.lumen.s[-1])
+        if last < course:
+            problem = f"its contours end {last / MM:.3g} mm from the ostium"
+            cure, allowed = f"compare a shorter --course than {course / MM:g}", "the whole course"
+            faults.append(Fault(case.path, place, None, problem, allowed, cure))
+    for state in [] if faults else others:
+        place = f"anatomy.states.{state.name}"
+        change = lumen_profile(state.lumen, along).log_area
+        times = np.exp(np.median(change - lumen_profile(image.lumen, along).log_area))
+        if not 1.0 / MOST_TIMES < times < MOST_TIMES:
+            problem = f"its lumen has {times:.3g} times the area of {image.name}"
+            cure = "check the unit of its contours (mm), and that they are of the same vessel"
+            allowed = f"{1.0 / MOST_TIMES:g} to {MOST_TIMES:g} times"
+            faults.append(Fault(case.path, f"{place}.contours", None, problem, allowed, cure))
+        if abs(state.P_aorta - image.P_aorta) < MMHG and state.ratio == image.ratio:
+            problem = f"its pressure is that of {image.name}, so that no wall can move between them"
+            cure = "check the pressures of both conditions, or leave the state out"
+            faults.append(Fault(case.path, place, None, problem, "another pressure", cure))
+    if faults:
+        raise CaseError(faults)
 
 
 def fitted_names(case: Case, names: Sequence[str], wanted: Sequence[str] | None) -> list[str]:

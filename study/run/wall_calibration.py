@@ -43,6 +43,7 @@ from study.run.anatomy_source import case_anatomy
 from study.run.case_model import case_model
 from study.run.measured_states import (
     MeasuredState,
+    check_compared,
     fitted_names,
     measured_states,
     state_profile,
@@ -138,7 +139,8 @@ def calibrate_wall(
     require(case, "calibrate-wall")
     parameters = free_stiffness() if free is None else free_stiffness(free)
     progress = progress or Progress()
-    image, *others = measured_states(case)
+    image, *others = states = measured_states(case)
+    check_compared(case, states, course)
     chosen = fitted_names(case, [state.name for state in others], fitted)
     case = _bending(case)
     anatomy = case_anatomy(case, image.name)

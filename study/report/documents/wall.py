@@ -53,7 +53,8 @@ class LumenState:
         minor_sd_mm: of the minor axes [mm].
         predicted: by model: `linear` elements, `literature` moduli of the case, `fitted`.
         change: mean change of the area from the image, as measured and by model [-].
-        deviation: root mean square of what each model misses, in standard deviations [-].
+        deviation: root mean square of what each model misses, in standard deviations [-];
+            `rigid` is a lumen that does not move.
     """
 
     fitted: bool

@@ -74,6 +74,8 @@ def test_prediction_is_the_image_times_the_ratio_of_the_model(parts):
     # ln(1.05/0.8) over the errors of both states, 0.1 √2, in half of the numbers
     off = np.log(1.05 / 0.8) / (0.1 * np.sqrt(2.0)) / np.sqrt(2.0)
     assert state["deviation"]["literature"] == pytest.approx(off)
+    still = np.log(0.8) / (0.1 * np.sqrt(2.0)) / np.sqrt(2.0)
+    assert state["deviation"]["rigid"] == pytest.approx(-still)
     assert state["P_distal_mmHg"] == pytest.approx(126.0)
     assert [note["level"] for note in document["notes"]] == ["info"]
 

@@ -7,7 +7,12 @@ import pytest
 
 from lumped import MMHG
 from study import CaseError, demo_case_path, read_case
-from study.run.measured_states import fitted_names, measured_states, state_profile
+from study.run.measured_states import (
+    check_compared,
+    fitted_names,
+    measured_states,
+    state_profile,
+)
 
 
 @pytest.fixture(scope="module")
@@ -129,3 +134,44 @@ def test_states_are_compared_where_their_contours_reach(folder):
     image = measured_states(case)[0]
     with pytest.raises(CaseError, match="--course"):
         state_profile(case, image, np.array([9.0]), 0.05)
+
+
+def test_a_lumen_many_times_that_of_the_image_is_refused(folder):
+    case = _case(folder, ("rest_systole", "narrower.csv", "rest_frames.csv"))
+    image, state = measured_states(case)
+    check_compared(case, [image, state], 1.0)
+    in_cm = state.lumen.__class__(10.0 * state.lumen.contours, state.lumen.s)
+    with pytest.raises(CaseError, match="its lumen has 90 times the area of rest_diastole"):
+        check_compared(case, [image, state._replace(lumen=in_cm)], 1.0)
+
+
+def test_a_state_under_the_pressure_of_the_image_is_refused(folder):
+    case = _case(folder, ("rest_systole", "narrower.csv", "rest_frames.csv"))
+    image, state = measured_states(case)
+    with pytest.raises(CaseError, match="its pressure is that of rest_diastole"):
+        check_compared(case, [image, state._replace(P_aorta=image.P_aorta)], 1.0)
+
+
+def test_a_course_beyond_the_contours_is_refused_before_the_mesh(folder, command):
+    _case(folder, ("rest_systole", "narrower.csv", "rest_frames.csv"))
+    out = folder / "far"
+    refused = command("calibrate-wall", folder / "states.toml", "--course", "90", folder=out)
+    assert refused.status == 2
+    assert "its contours end" in refused.stderr
+    assert not out.exists() or not any(out.iterdir())
+
+
+def test_a_course_of_less_than_three_frames_is_refused(folder):
+    case = _case(folder, ("rest_systole", "narrower.csv", "rest_frames.csv"))
+    with pytest.raises(CaseError, match="less than 3 frames"):
+        check_compared(case, measured_states(case), 0.01)
+
+
+def test_support_without_stiffness_is_refused(folder, command):
+    _case(folder, ("rest_systole", "narrower.csv", "rest_frames.csv"))
+    path = folder / "damped.toml"
+    text = (folder / "states.toml").read_text()
+    path.write_text(text + "\n[tissue]\ndamping_dyn_s_per_cm3 = 1e3\n")
+    refused = command("calibrate-wall", path, folder=folder / "damped")
+    assert refused.status == 2
+    assert "does not hold it" in refused.stderr

@@ -15,7 +15,7 @@ from jaxfsi.core.laws.materials import SaintVenantKirchhoff
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.ports.block import BlockPort
 from jaxfsi.core.ports.pressure import PressurePort
-from jaxfsi.core.step.model import Model, build_model
+from jaxfsi.core.step.model import Model, WallElement, build_model
 from jaxfsi.core.step.state import State, initial_state
 from jaxfsi.meshing import tube
 from jaxfsi.simulation import FieldSeries, ShearCycle, SolverChoice, simulate, write_csv
@@ -27,17 +27,25 @@ MEAN = 10.0 * MMHG
 SOLVER = SolverChoice(max_linear=60)
 
 
-def pulsed_tube(*, rigid: bool = False) -> tuple[Mesh, Model, State]:
+def pulsed_tube(
+    *, rigid: bool = False, wall_element: WallElement = "linear"
+) -> tuple[Mesh, Model, State]:
     """Mesh, model and start."""
     mesh = tube(
-        radius=0.3, length=1.2, thickness=0.06, n_around=6, n_axial=4, n_layers=0 if rigid else 1
+        radius=0.3,
+        length=1.2,
+        thickness=0.06,
+        n_around=6,
+        n_axial=4,
+        n_layers=0 if rigid else 1,
+        columns=wall_element == "bending",
     )
     ports = {
         "inlet": PressurePort(Sinusoid(MEAN, 2.0 * MMHG, 0.1, -np.pi / 2.0)),
         "outlet": BlockPort(RCR(R_proximal=400.0, C=2e-5, R_distal=4e3)),
     }
     wall = None if rigid else Wall(SaintVenantKirchhoff(4e6, 0.45), rho_s=1.1)
-    model = build_model(mesh, ports, wall=wall)
+    model = build_model(mesh, ports, wall=wall, wall_element=wall_element)
     block = ports["outlet"].block
     assert block.state_names == ("P_wk",)
     state = initial_state(model, p=MEAN, blocks=(None, jax.numpy.asarray([MEAN])))

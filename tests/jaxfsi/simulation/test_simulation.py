@@ -187,6 +187,21 @@ def test_interrupted_run_goes_on_to_the_same_bits(run, plain, tube_model, tmp_pa
     assert longer.record.n_steps == 24
 
 
+@pytest.mark.slow  # compiles the step of a wall that bends
+def test_wall_that_bends_goes_on_bit_for_bit(pulsed, tmp_path):
+    _, model, state = pulsed.pulsed_tube(wall_element="bending")
+    options = {"dt": DT, "solver": pulsed.SOLVER, "chunk": 5, "checkpoint_every": 5}
+    whole = simulation.simulate(model, state, n_steps=10, checkpoint=tmp_path / "a.npz", **options)
+    path = tmp_path / "b.npz"
+    simulation.simulate(model, state, n_steps=5, checkpoint=path, **options)
+    resumed = simulation.simulate(model, state, n_steps=10, checkpoint=path, **options)
+    assert resumed.resumed_from == 5
+    assert float(jnp.max(jnp.abs(whole.state.d))) > 1e-5
+    assert eqx.tree_equal(resumed.state, whole.state)
+    for name, column in whole.record._asdict().items():
+        np.testing.assert_array_equal(getattr(resumed.record, name), column, err_msg=name)
+
+
 def test_checkpoint_of_another_run_is_refused(run, plain, tube_model, tmp_path):
     mesh, model, _ = tube_model
     folder, _, _, _ = plain

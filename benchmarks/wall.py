@@ -84,16 +84,16 @@ def _counts(row: dict[str, Any]) -> bool:
 
 
 def _bent(nu: float, element: WallElement) -> Iterator[dict[str, Any]]:
-    """Rows of strips, rings and tubes; near 0.5 of the strip alone."""
+    """Rows of strips, rings and tubes; of quadratic elements where it takes few iterations."""
     for layers in (1,) if element == "quadratic" else (1, 2):
         problem = clamped_strip(nu, element, n_layers=layers)
         yield _row("strip", nu, element, layers, problem, STRIP_WORK[nu])
-    if nu > 0.49:
+    if nu > 0.49 and element == "quadratic":
         return
     bending = element == "bending"
     for thickness, works in RING_WORK.items():
-        if element == "quadratic" and thickness == min(RING_WORK):
-            continue  # hundreds of iterations
+        if nu not in works or (element == "quadratic" and thickness == min(RING_WORK)):
+            continue
         thick = thickness == max(RING_WORK)
         finer = ((1, 32, 6), (1, 64, 12)) if bending and not thick else ()
         for layers, around, axial in ((1, 32, 3), *((2, 32, 3),) * (bending and thick), *finer):

@@ -13,6 +13,7 @@ PAGES = (
     "docs/extending.md",
     "docs/glossary.md",
     "docs/results.md",
+    "docs/wall.md",
 )
 FOLDERS = ("lumped", "jaxfsi", "calibration", "diagnosis", "study", "tests", "benchmarks", "docs")
 _PATH = re.compile(rf"(?<![\w./-])(?:{'|'.join(FOLDERS)})/[\w./-]*\w")

@@ -36,13 +36,13 @@ def wall_figure(document: Document) -> str:
                 image = document["image_lumen"][f"{key}_{unit}"]
                 axes.plot(s, image, color=GREY, linestyle=":", label="image")
                 for colour, (model, words) in zip(COLOURS, MODELS.items(), strict=True):
-                    axes.plot(
-                        s, state["predicted"][model][f"{key}_{unit}"], color=colour, label=words
-                    )
+                    values = state["predicted"][model][f"{key}_{unit}"]
+                    way = "--" if model == "fitted" else "-"  # both bending walls stay in sight
+                    axes.plot(s, values, color=colour, linestyle=way, label=words)
                 if column == 0:
                     axes.set_ylabel(label)
-            way = "fitted" if state["fitted"] else "predicted"
-            grid[0, column].set_title(f"{name.replace('_', ' ')} ({way})")
+            role = "fitted" if state["fitted"] else "predicted"
+            grid[0, column].set_title(f"{name.replace('_', ' ')} ({role})")
             grid[1, column].set_xlabel("distance from the ostium [mm]")
         handles, _ = grid[0, 0].get_legend_handles_labels()
         legend_below(figure, handles, most=3)

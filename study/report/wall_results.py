@@ -22,7 +22,8 @@ UNITS = {"support": "dyn/cm3", "thickness": ""}
 _MODULUS = "dyn/cm2"
 
 FELL_SHORT = 1.5
-"""Deviation in standard deviations beyond which a state counts as not explained."""
+"""Deviation in standard deviations beyond which a state counts as not explained; as little is one
+explained that a lumen which does not move misses by no more."""
 
 LEFT = (
     "Aortic pressure loads the lumens on both sides of the septum, so that moduli alone change"
@@ -127,7 +128,7 @@ def _notes(states: dict[str, LumenState]) -> list[Note]:
     for name, state in states.items():
         way = "fitted" if state.fitted else "predicted"
         off = state.deviation["fitted"]
-        short = off > FELL_SHORT
+        short = off > FELL_SHORT or off >= state.deviation[STILL]
         text = (
             f"{name.replace('_', ' ')} ({way}): the area changes by"
             f" {100 * state.change['measured']:+.1f} % as measured and by"

@@ -88,9 +88,12 @@ class WallParameters:
         Word(text="elastic law in 3D"),
     ] = "saint_venant_kirchhoff"
     element: Annotated[
-        Literal["linear", "bending", "quadratic"],
-        Word(text="bending: wedges where the wall stands in columns; quadratic takes far longer"),
-    ] = "linear"
+        Literal["bending", "linear", "quadratic"],
+        Word(
+            text="bending: wedges where the wall stands in columns; linear hardly bends;"
+            " quadratic takes far longer"
+        ),
+    ] = "bending"
     prestress: Annotated[
         Literal["diastole", "none"],
         Word(text="pressure that the wall carries in the shape of the image"),

@@ -260,7 +260,7 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--quick",
         action="store_true",
-        help="coarse mesh, steps of 2 ms, a ramp of 150 mmHg/s, dobutamine alone",
+        help="coarse mesh, steps of 3 ms, a ramp of 150 mmHg/s, dobutamine alone",
     )
 
 

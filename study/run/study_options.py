@@ -9,7 +9,7 @@ from study.case.model import Case
 from study.run.study_choice import RampChoice, RunChoice, StudyChoice
 from study.store.options import StudyOptions
 
-QUICK_STEP, QUICK_RATE = 2.0e-3, 150.0 * MMHG
+QUICK_STEP, QUICK_RATE = 3.0e-3, 150.0 * MMHG
 QUICK_STRESS = "dobutamine"
 QUICK_TOLERANCE = 1.0e-2
 """How far the residual of a step is reduced in a quick study: moves a ratio by 3e-4."""

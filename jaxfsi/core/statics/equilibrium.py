@@ -160,6 +160,7 @@ def small_equilibrium(
     factor: WallFactor,
     *,
     tolerance: float = 1e-9,
+    max_starts: int = 12,
     max_linear: int = 100,
     throw: bool = True,
 ) -> Equilibrium:
@@ -171,19 +172,20 @@ def small_equilibrium(
         force: on the nodes [dyn].
         factor: see `static_factor`.
         tolerance: forces out of balance over loads at which to stop.
-        max_linear: iterations of GMRES at most.
+        max_starts: how often GMRES begins at most.
+        max_linear: its iterations at most.
         throw: raise where no equilibrium is found; otherwise the result says so.
 
     Raises:
         RuntimeError: no equilibrium was found and `throw` is set.
     """
-    end = _small_equilibrium(model, force, factor, (tolerance, max_linear))
+    end = _small_equilibrium(model, force, factor, (tolerance, max_starts, max_linear))
     return _checked(end, throw)
 
 
 @eqx.filter_jit
 def _small_equilibrium(model, force, factor, options) -> Equilibrium:
-    tolerance, max_linear = options
+    tolerance, max_starts, max_linear = options
     factor = jax.lax.stop_gradient(factor)
     free = model.in_solid & ~model.prescribed
     shape = wall_geometry(model.x, model.element)
@@ -197,19 +199,33 @@ def _small_equilibrium(model, force, factor, options) -> Equilibrium:
         return jnp.where(free, stiffness(v), flat.reshape(3, -1)).reshape(-1)
 
     def solve(matvec, b):
-        found = fgmres(
-            matvec,
-            b,
-            _inverse(wall_solve, factor, free),
-            tolerance=tolerance * jnp.linalg.norm(b),
-            max_iterations=max_linear,
-        )
-        return found.x, jnp.stack([found.n_iterations.astype(float), found.residual])
+        goal = tolerance * jnp.linalg.norm(b)
+
+        def proceed(s):
+            _, left, k, _ = s
+            return (jnp.linalg.norm(left) > goal) & (k < max_starts)
+
+        def correct(s):
+            x, left, k, n = s
+            found = fgmres(
+                matvec,
+                left,
+                _inverse(wall_solve, factor, free),
+                tolerance=jnp.maximum(0.3 * goal, REDUCTION * jnp.linalg.norm(left)),
+                max_iterations=max_linear,
+            )
+            x = x + found.x
+            return x, b - matvec(x), k + 1, n + found.n_iterations
+
+        none = jnp.zeros((), int)
+        x, left, k, n = jax.lax.while_loop(proceed, correct, (jnp.zeros_like(b), b, none, none))
+        report = k.astype(float), n.astype(float), jnp.linalg.norm(left)
+        return x, jnp.stack(report)
 
     flat, report = jax.lax.custom_linear_solve(product, b, solve, symmetric=True, has_aux=True)
-    n_gmres, residual = jax.lax.stop_gradient(report)
+    n_starts, n_gmres, residual = jax.lax.stop_gradient(report)
     left = residual / jnp.where(size > 0.0, size, 1.0)
-    return _ended(flat, tolerance, (jnp.ones((), int), n_gmres.astype(int)), left)
+    return _ended(flat, tolerance, (n_starts.astype(int), n_gmres.astype(int)), left)
 
 
 def _inverse(solve: Callable, factor: WallFactor, free: Array) -> Callable[[Array], Array]:

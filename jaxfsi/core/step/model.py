@@ -130,7 +130,7 @@ def build_model(
     blood: Blood | None = None,
     wall: Wall | None = None,
     clamped: Sequence[str] | None = None,
-    wall_element: WallElement = "linear",
+    wall_element: WallElement | None = None,
     P_ambient: Parameter = 0.0,
     least_gap: LeastGap | None = None,
 ) -> Model:
@@ -143,9 +143,10 @@ def build_model(
         blood: None for the defaults.
         wall: what the wall is made of; required where the mesh has one.
         clamped: labels whose nodes do not move; None: the cut ends of the wall.
-        wall_element: ``"linear"``, as most codes have it; ``"quadratic"``, which bends and does
-            not lock; or ``"bending"``: wedges where the mesh has them, which cost no more than
-            linear elements, and quadratic ones elsewhere.
+        wall_element: ``"bending"``: wedges where the mesh has them, which cost no more than linear
+            elements, and quadratic ones elsewhere; ``"linear"``, as most codes have it, which
+            hardly bends; or ``"quadratic"``, which bends and does not lock. None: bending where
+            the mesh has wedges, linear elsewhere.
         P_ambient: pressure outside [dyn/cm²], at which the wall has its reference shape, see
             `Model`.
         least_gap: below which the sides of the lumen repel each other; None: never.
@@ -158,7 +159,8 @@ def build_model(
     _check(mesh, ports, wall, clamped)
     n_nodes = len(mesh.points)
     fluid, solid = mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID)
-    element, ends, held = _wall_elements(mesh, solid, wall_element)
+    kind = wall_element or ("bending" if len(mesh.wedges) else "linear")
+    element, ends, held = _wall_elements(mesh, solid, kind)
     n_edges = len(held)
     in_fluid, in_solid = _marked(n_nodes, fluid), _marked(n_nodes, solid)
     prescribed = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))

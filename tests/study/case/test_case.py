@@ -75,7 +75,7 @@ def test_good_case_is_read_in_cgs(tmp_path):
     assert case.surrogate == SurrogateParameters(R0=5e3, K=800.0, law="quadratic")
     assert (case.stress.rule, case.stress.factors) == ("all", None)
     assert dataclasses.astuple(case.solver)[:3] == (1e-3, 4, 1000)
-    assert dataclasses.astuple(case.mesh) == ("coarse", 6, 2, 0, "netgen", "cm")
+    assert dataclasses.astuple(case.mesh) == ("coarse", 6, 2, 1, "netgen", "cm")
     assert case.source == {"patient": "invented", "condition.rest": "cohort mean"}
     for command in REQUIREMENTS:
         require(case, command)

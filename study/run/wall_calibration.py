@@ -146,8 +146,7 @@ def calibrate_wall(
     anatomy = case_anatomy(case, image.name)
     mesh = mesh_state(case, image.name, progress).mesh
     progress.step("preparing the wall")
-    thickens = any(parameter.name == "thickness" for parameter in parameters)
-    start = _start(case)
+    thickens, start = any(p.name == "thickness" for p in parameters), _start(case)
     wall = _wall(case, mesh, anatomy, image, start, course, "bending", thickens=thickens)
     s = np.asarray(wall.rings.s)
     profiles = {
@@ -160,7 +159,7 @@ def calibrate_wall(
     found, evaluations = _fitted(data, start, parameters, progress)
     progress.step("predicting all states")
     linear = _wall(case, mesh, anatomy, image, start, course, "linear", thickens=False)
-    named = [(state.name, pressure) for state, pressure in zip(others, P, strict=True)]
+    named = list(zip([state.name for state in others], P, strict=True))
     vertices = [(name, pressure[: linear.model.n_nodes]) for name, pressure in named]
     motion = {
         "linear": _motion(linear, start, _MODULI, vertices),

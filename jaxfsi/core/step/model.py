@@ -159,8 +159,7 @@ def build_model(
     _check(mesh, ports, wall, clamped)
     n_nodes = len(mesh.points)
     fluid, solid = mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID)
-    kind = wall_element or ("bending" if len(mesh.wedges) else "linear")
-    element, ends, held = _wall_elements(mesh, solid, kind)
+    element, ends, held = _wall_elements(mesh, solid, wall_element)
     n_edges = len(held)
     in_fluid, in_solid = _marked(n_nodes, fluid), _marked(n_nodes, solid)
     prescribed = _marked(n_nodes, *(mesh.labelled(name) for name in clamped))
@@ -207,9 +206,10 @@ def build_model(
 
 
 def _wall_elements(
-    mesh: Mesh, solid: Int[np.ndarray, "tets 4"], kind: str
+    mesh: Mesh, solid: Int[np.ndarray, "tets 4"], kind: WallElement | None
 ) -> tuple[WallElements, Int[np.ndarray, "edges 2"], Bool[np.ndarray, " edges"]]:
     """Elements of the wall, ends of the edges that carry unknowns, and which of them are held."""
+    kind = kind or ("bending" if len(mesh.wedges) else "linear")
     _check_element(kind)
     n_nodes = len(mesh.points)
     if kind == "linear" or not len(solid):

@@ -166,7 +166,7 @@ def pressed(mesh):
     part = submesh(mesh, Region.SOLID).mesh
     wall = Wall(NeoHookean(1e6, 0.3))
     model = build_model(part, {}, wall=wall, least_gap=LAW)
-    loads = Loads((pressure_load(part, OUTER_WALL, 3e5, model),))
+    loads = Loads((pressure_load(part, OUTER_WALL, 2e4, model),))
     factor = static_factor(model)
 
     def gap(stiffness, least):

@@ -7,10 +7,9 @@
 | `slit_annular_plate` | radii 6 and 10, 0.03 thick | E 21e6, ν 0 | 0.8 a length along one lip |
 | `pinched_hemisphere` | radius 10, 0.04 thick, hole of 18° | E 6.825e7, ν 0.3 | two pairs of 400 |
 
-All are of St. Venant-Kirchhoff material and in any consistent units. One layer of wedges, whose
-forces and stiffness are those of the core, is brought into equilibrium by Newton's method with a
-sparse factor of the whole stiffness. In the part of the stiffness that follows the stress, the
-stress is extrapolated from the last iterate in place of the one of the present strain, which is
+All are of St. Venant-Kirchhoff material, in consistent units. One layer of wedges, with forces and
+stiffness of the core, is brought into equilibrium by Newton's method with a sparse factor of the
+stiffness. In its part that follows the stress, the stress is extrapolated from the last iterate,
 wrong by the square of the last rotation: few iterations where Newton's method proper diverges.
 
 Sources: Sze, Liu & Lo 2004, Popular benchmark problems for geometric nonlinear analysis of shells,
@@ -254,7 +253,7 @@ def _balanced(
             found = splu(K).solve(r)
         except RuntimeError:  # exactly singular
             break
-        if not np.linalg.norm(K @ found - r) < 1e-3 * np.linalg.norm(r):  # singular
+        if not np.linalg.norm(K @ found - r) < 1e-3 * np.linalg.norm(r):
             break
         step = np.zeros_like(x)
         step.ravel()[free] = found

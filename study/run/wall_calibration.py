@@ -166,14 +166,12 @@ def calibrate_wall(
         "literature": _motion(wall, start, parameters, named),
         "fitted": _motion(wall, found.model, parameters, named),
     }
+    courses = [
+        {m: (area[k], minor[k]) for m, (area, minor) in motion.items()} for k in range(len(P))
+    ]
     states = tuple(
-        StateMotion(
-            state,
-            state.name in chosen,
-            profiles[state.name],
-            {model: (area[k], minor[k]) for model, (area, minor) in motion.items()},
-        )
-        for k, state in enumerate(others)
+        StateMotion(state, state.name in chosen, profiles[state.name], moved)
+        for state, moved in zip(others, courses, strict=True)
     )
     return WallFit(
         s=s,

@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxfsi.core.step.march import History
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
-from jaxfsi.core.step.step import RESULTS, advance_step
+from jaxfsi.core.step.step import RESULTS, advance_step, no_report
 from jaxfsi.core.step.stepper import Stepper
 
 VELOCITY_SCALE = 1.0
@@ -67,12 +67,11 @@ def advance_chunk(
         size: rows of the history (static).
     """
     n_ports = len(model.ports)
-    report = jax.eval_shape(advance_step, model, state, stepper)[1]
     empty = History(
         jnp.zeros(size),
         jnp.zeros((size, n_ports)),
         jnp.zeros((size, n_ports)),
-        jax.tree.map(lambda r: jnp.zeros((size, *r.shape), r.dtype), report),
+        jax.tree.map(lambda r: jnp.zeros((size, *r.shape), r.dtype), no_report()),
     )
     start = Chunk(
         state,
@@ -104,6 +103,11 @@ def advance_chunk(
         )
 
     return jax.lax.while_loop(proceed, advance, start)
+
+
+def compile_chunk(model: Model, state: State, stepper: Stepper, size: int) -> None:
+    """Compile what `simulate` calls for such a model, without a step; safe in a second thread."""
+    advance_chunk(model, state, stepper, jnp.asarray(0), jnp.asarray(jnp.inf, float), size)
 
 
 def _change(before: State, after: State) -> Float[Array, ""]:

@@ -27,6 +27,7 @@ from jaxfsi.fields.lumen_sections import lumen_motion
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.model import Case
 from study.run.anatomy_source import states_of
+from study.run.compile_ahead import compiled_ahead
 from study.run.computed_parts import computed_parts
 from study.run.fitted_ramp import fitted
 from study.run.lumen_parts import motion_part
@@ -74,7 +75,7 @@ def run_study(
     progress.plan(_plan(case, choice))
     context, anatomy = open_context(case, folder, choice.run, progress)
     progress.step(RAMP)
-    ramp = fitted(ramp_record(context, choice.ramp), choice.ramp)
+    ramp = fitted(ramp_record(context, choice.ramp, compiled_ahead(context)), choice.ramp)
     context = with_curve(context, float(ramp.fit.law.R0), float(ramp.fit.law.K))
     progress.step("calibrating in 0D")
     reduced = run_case(context.case)

@@ -7,6 +7,7 @@ aorta. What it gives is fitted by `calibration.ramp`.
 Source: Puelz et al. 2024, section 2.4: 60 mmHg, 37.5 mmHg/s, slope at 40 mmHg.
 """
 
+import contextlib
 import dataclasses
 import math
 
@@ -33,8 +34,17 @@ from study.store.stages import stage_key
 _FRAMES = 4
 
 
-def ramp_record(context: RunContext, choice: RampChoice) -> RampRecord:
+def ramp_record(
+    context: RunContext,
+    choice: RampChoice,
+    beside: contextlib.AbstractContextManager[None] | None = None,
+) -> RampRecord:
     """Run the ramp, or take what was kept of it.
+
+    Args:
+        context: see `RunContext`.
+        choice: how it is made.
+        beside: entered while the ramp runs; None: nothing else is done.
 
     Raises:
         RuntimeError: a step failed.
@@ -45,8 +55,9 @@ def ramp_record(context: RunContext, choice: RampChoice) -> RampRecord:
     key = stage_key(RAMP, context.mesh_key, case.blood, case.wall, solver, dt, choice)
 
     def compute() -> dict[str, np.ndarray]:
-        setup = prepare_ramp(context, choice)
-        record = finished_run(context, RAMP, key, setup).record
+        with contextlib.nullcontext() if beside is None else beside:
+            setup = prepare_ramp(context, choice)
+            record = finished_run(context, RAMP, key, setup).record
         return _columns(record, setup.model.names)
 
     found = context.stages.arrays(RAMP, stage_key("reading", key), compute)

@@ -124,7 +124,8 @@ def equilibrium(
         raise ValueError(NO_WALL)
     options = (n_load_steps, tolerance, max_newton, max_linear, reduction, derivative)
     start = jnp.zeros_like(model.x) if start is None else start
-    end = _equilibrium(model, loads, factor, jax.lax.stop_gradient(start), options)
+    wall = model.without_ports()
+    end = _equilibrium(wall, loads, factor, jax.lax.stop_gradient(start), options)
     return _checked(end, throw)
 
 
@@ -179,7 +180,8 @@ def small_equilibrium(
     Raises:
         RuntimeError: no equilibrium was found and `throw` is set.
     """
-    end = _small_equilibrium(model, force, factor, (tolerance, max_starts, max_linear))
+    wall = model.without_ports()
+    end = _small_equilibrium(wall, force, factor, (tolerance, max_starts, max_linear))
     return _checked(end, throw)
 
 

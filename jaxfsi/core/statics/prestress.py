@@ -7,10 +7,10 @@ Stresses of small displacements are those of Hooke's law, so that, whatever the 
 
     S₀ = C : ε(e),     ∫ ε(v) : C : ε(e) dV = f(v)
 
-which is one linear system. In one large step instead, the axial stress of a pipe that is held at
-its ends comes out 29 % higher than in small ones (`verification.prestressed_pipe`), and as the
-stress so far takes part in carrying each correction, four fifths of the displacement of its slowest
-mode are left from pass to pass.
+which is one linear system; S₀ then carries f alone. In one large step instead, the axial stress of
+a pipe that is held at its ends comes out 29 % higher than in small ones
+(`verification.prestressed_pipe`), and as the stress so far takes part in carrying each correction,
+four fifths of the displacement of its slowest mode are left from pass to pass.
 
 Source: Hsu & Bazilevs 2011, Blood vessel tissue prestress modeling for vascular FSI, section 3.
 """
@@ -24,23 +24,21 @@ from jaxtyping import Array, Float
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.wall_balance import second_stress, wall_geometry
 from jaxfsi.core.solve.wall_factor import WallFactor
-from jaxfsi.core.statics.equilibrium import RESULTS, equilibrium, small_equilibrium
+from jaxfsi.core.statics.equilibrium import RESULTS, small_equilibrium
 from jaxfsi.core.statics.loads import Loads, load_forces
 from jaxfsi.core.step.model import Model
 
 
 class Prestress(NamedTuple):
-    """A wall under stress, and how far from equilibrium it is.
+    """A wall under stress.
 
     Attributes:
         model: the model with its prestress.
-        d: displacement under the loads that is left [cm].
         e: displacement whose Hookean stress the prestress is [cm].
         result: see `statics.RESULTS`.
     """
 
     model: Model
-    d: Float[Array, "3 nodes"]
     e: Float[Array, "3 nodes"]
     result: RESULTS
 
@@ -60,12 +58,12 @@ def prestressed(
             carries nothing.
         loads: what acts on the wall in the image.
         factor: see `statics.static_factor`.
-        tolerance: of the equilibria, see `statics.equilibrium`.
-        throw: raise where an equilibrium is not found; otherwise the result says so.
+        tolerance: forces out of balance over loads.
+        throw: raise where the equilibrium is not found; otherwise the result says so.
 
     Raises:
         ValueError: the model has no wall.
-        RuntimeError: an equilibrium was not found and `throw` is set.
+        RuntimeError: the equilibrium was not found and `throw` is set.
     """
     if model.wall is None:
         raise ValueError("the model has no wall that could carry a prestress; give it one")
@@ -77,8 +75,7 @@ def prestressed(
         is_leaf=lambda leaf: leaf is None,
     )
     force = load_forces(loads, jnp.zeros_like(model.x), model)
-    e = small_equilibrium(small, force, factor, tolerance=tolerance, throw=throw).d
-    S = second_stress(e, hooke, model.element, wall_geometry(model.x, model.element))
+    found = small_equilibrium(small, force, factor, tolerance=tolerance, throw=throw)
+    S = second_stress(found.d, hooke, model.element, wall_geometry(model.x, model.element))
     carried = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
-    left = equilibrium(carried, loads, factor, tolerance=tolerance, throw=throw)
-    return Prestress(carried, left.d, e, left.result)
+    return Prestress(carried, found.d, found.result)

@@ -6,6 +6,7 @@ share the velocity of the interface, so that neither continuity of velocity nor 
 traction needs an equation of its own.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Literal, get_args
 
@@ -121,6 +122,11 @@ class Model(eqx.Module):
         """Surface of each port."""
         parts = zip(self.port_faces, self.port_edges, self.profiles, strict=True)
         return tuple(PortSurface(*part) for part in parts)
+
+    def without_ports(self) -> "Model":
+        """The same for statics, which do not see the ports: one program for all of them."""
+        none = {name: () for name in ("ports", "profiles", "port_faces", "port_edges", "names")}
+        return dataclasses.replace(self, **none)
 
 
 def build_model(

@@ -83,7 +83,8 @@ def test_equilibrium_of_a_large_deformation_is_found_and_differentiated(vessel):
 def test_prestressed_wall_carries_its_pressure_undeformed(vessel):
     model, loads, factor = vessel
     found = prestressed(model, loads, factor)
-    assert float(jnp.max(jnp.abs(found.d))) < 1e-8 * 0.2
+    left = equilibrium(found.model, loads, factor, tolerance=1e-7).d
+    assert float(jnp.max(jnp.abs(left))) < 1e-8 * 0.2
     assert found.model.prestress is not None
     hoop = float(jnp.mean(jnp.trace(found.model.prestress)))
     assert hoop > 1.333e5
@@ -97,9 +98,11 @@ def test_prestressed_wedges_carry_their_pressure_undeformed(law):
     )
     model = build_model(mesh, {}, wall=Wall(law, support_stiffness=1e5), wall_element="bending")
     loads = Loads((pressure_load(mesh, INTERFACE, 1.333e5, model),))
-    found = prestressed(model, loads, static_factor(model))
+    factor = static_factor(model)
+    found = prestressed(model, loads, factor)
+    left = equilibrium(found.model, loads, factor, tolerance=1e-7).d
     # Both equilibria are found to 1e-7 of the loads.
-    assert float(jnp.max(jnp.abs(found.d))) < 1e-7 * 0.2
+    assert float(jnp.max(jnp.abs(left))) < 1e-7 * 0.2
     columns = found.model.prestress.columns
     assert float(jnp.max(jnp.abs(columns))) > 1e-2 * 1.333e5
 

@@ -106,7 +106,7 @@ def _(primals, tangents):
 
 def corners(field: Float[Array, " nodes"], tets: Int[Array, "4 tets"]) -> Corners:
     """Values of a scalar field at the corners of the elements."""
-    return tuple(gathered(field, tets[a]) for a in range(4))
+    return tuple(gathered(field, tets))
 
 
 def vector_corners(
@@ -143,10 +143,10 @@ def _cross(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
 
 def scatter(values: Corners, tets: Int[Array, "4 tets"], n_nodes: int) -> Float[Array, " nodes"]:
     """Sum the contributions of all elements to each node."""
-    result = jnp.zeros(n_nodes, values[0].dtype)
-    for a in range(4):
-        result = result.at[tets[a]].add(values[a], mode=IN_BOUNDS, wrap_negative_indices=False)
-    return result
+    zero = jnp.zeros(n_nodes, values[0].dtype)
+    return zero.at[tets.reshape(-1)].add(
+        jnp.concatenate(values), mode=IN_BOUNDS, wrap_negative_indices=False
+    )
 
 
 def gradient(

@@ -28,7 +28,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.linear import (
-    IN_BOUNDS,
     Corners,
     Geometry,
     added,
@@ -154,11 +153,7 @@ class QuadraticElement(AbstractWallElement):
                 own = added(P[j][c] * grad[j][b] + P[j][b] * grad[j][c] for j in range(3))
                 edge[k] = edge[k] + 4.0 * FAR * (pull[b] + pull[c]) + _SPREAD * own
             values = scatter(vertex, self.tets, a.shape[1])
-            for k, value in enumerate(edge):
-                values = values.at[self.edges[k]].add(
-                    value, mode=IN_BOUNDS, wrap_negative_indices=False
-                )
-            rows.append(values)
+            rows.append(values + scatter(edge, self.edges, a.shape[1]))
         return jnp.stack(rows)
 
     def _inertia(
@@ -181,7 +176,7 @@ class QuadraticElement(AbstractWallElement):
         return vertex, edge
 
     def _edge_values(self, component: Float[Array, " nodes"]) -> list[Float[Array, " tets"]]:
-        return [gathered(component, self.edges[k]) for k in range(6)]
+        return list(gathered(component, self.edges))
 
     def _at_corner(self, w: list[Float[Array, " tets"]], a: int) -> Float[Array, " tets"]:
         """Sum over the edges that meet at a corner."""

@@ -37,7 +37,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements.linear import IN_BOUNDS, added, gathered
+from jaxfsi.core.elements.linear import added, gathered, scatter
 from jaxfsi.core.laws.materials import Tensor, determinant_and_cofactor, product, transposed
 
 Vector = tuple[Float[Array, "*points wedges"], ...]
@@ -95,7 +95,7 @@ class WedgeGeometry(NamedTuple):
 
 def wedge_corners(field: Float[Array, "3 nodes"], wedges: WedgeElement) -> WedgeCorners:
     """Values of a vector field at the nodes of the wedges."""
-    x, y, z = ([gathered(component, wedges.nodes[a]) for a in range(6)] for component in field)
+    x, y, z = (gathered(component, wedges.nodes) for component in field)
     return tuple(zip(x, y, z, strict=True))
 
 
@@ -291,10 +291,5 @@ def gathered_forces(
     """Sum the forces of all wedges on each node."""
     rows = []
     for axis in _AXES:
-        row = jnp.zeros(n_nodes, forces[0][axis].dtype)
-        for a in range(6):
-            row = row.at[wedges.nodes[a]].add(
-                forces[a][axis], mode=IN_BOUNDS, wrap_negative_indices=False
-            )
-        rows.append(row)
+        rows.append(scatter([force[axis] for force in forces], wedges.nodes, n_nodes))
     return jnp.stack(rows)

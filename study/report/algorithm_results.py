@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from jaxfsi.opening import OUTLET
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.parameters import WindkesselParameters
-from study.report.chosen_laws import chosen_laws
+from study.report.chosen_laws import chosen_laws, wall_without_columns
 from study.report.documents.parts import AlphaCurve, notes
 from study.report.documents.study import (
     AlphaEntry,
@@ -244,7 +244,8 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
         f"the slope of the ramp at 40 mmHg is {ratio:.1f} times the resistance at a drop of 8 mmHg:"
         " the linear surrogate of the paper takes the one for the other",
     )
-    yield from (("info", text) for text in chosen_laws(result.case))
+    laws = (*chosen_laws(result.case), *wall_without_columns(result.case, result.mesh))
+    yield from (("info", text) for text in laws)
     if ramp.largest_drop_mmHg < 40.0:
         text = f"the ramp ends at {ramp.largest_drop_mmHg:.0f} mmHg: R0 at 40 is extrapolated"
         yield "warning", text

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from jaxfsi.mesh import Mesh
 from lumped.units import MM
 from study.case.laws import CARREAU_YASUDA, FIBRES
 from study.case.model import Case
@@ -39,3 +40,12 @@ def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:
         )
     if wall.minimum_gap:
         yield f"sides of the lumen repel each other below a gap of {wall.minimum_gap / MM:g} mm"
+
+
+def wall_without_columns(case: Case, mesh: Mesh) -> Iterator[str]:
+    """A sentence where a wall is to bend and the mesh has no wedges for it."""
+    if case.wall.element == "bending" and not len(mesh.wedges):
+        yield (
+            "the mesh has no columns of wedges: the whole wall is of quadratic tetrahedra, and a step"
+            ' takes about five times that with [wall] element = "linear", which hardly bends'
+        )

@@ -13,7 +13,7 @@ from jaxfsi.simulation import ShearMeans, StepHistory
 from jaxfsi.simulation.cycles import CycleMeans, cycle_means
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
-from study.report.chosen_laws import chosen_laws
+from study.report.chosen_laws import chosen_laws, wall_without_columns
 from study.report.documents.parts import Note
 from study.report.documents.simulate import (
     CollapseNumbers,
@@ -165,6 +165,8 @@ def _notes(
             )
         notes.append(("info", text))
     notes += [("info", text) for text in chosen_laws(case, rigid=setup.model.is_rigid)]
+    if not setup.model.is_rigid:
+        notes += [("info", text) for text in wall_without_columns(case, setup.mesh)]
     if is_segment(setup.mesh.openings):
         text = (
             "a vessel without the aorta: the aortic pressure of the condition acts at its inlet,"

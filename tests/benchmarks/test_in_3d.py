@@ -60,14 +60,14 @@ def test_the_curve_is_known_but_where_its_quadratic_part_is_withheld(made):
     for k, label in enumerate(unseal(folder)):
         record, _ = read_record(folder / "noise-0.5" / f"case-{k:04d}")
         assert [c.held_out for c in record.conditions] == [False, False, True]
-        assert record.L == pytest.approx(0.03)
+        assert record.L == pytest.approx(0.03 * MMHG)
         if label["kind"] == "pair":
             drop = record.R0**2 * np.exp(label["sizes"]["proximal_resistance"])
             assert record.K is None
             # R0 of the curve is the secant times what the label says
-            assert drop / record.R0 == pytest.approx(0.4, rel=1e-5)
+            assert drop / record.R0 == pytest.approx(0.4 * MMHG, rel=1e-5)
         else:
-            assert (record.R0, record.K) == pytest.approx((0.4, 0.75))
+            assert (record.R0, record.K) == pytest.approx((0.4 * MMHG, 0.75 * MMHG), rel=1e-5)
 
 
 def test_a_drifting_wire_moves_the_traces_of_the_same_run(made):

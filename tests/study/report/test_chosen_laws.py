@@ -2,8 +2,9 @@
 
 import dataclasses
 
+from jaxfsi.meshing import tube
 from study import BloodParameters, TissueParameters, WallParameters, demo_case_path, read_case
-from study.report.chosen_laws import chosen_laws
+from study.report.chosen_laws import chosen_laws, wall_without_columns
 
 
 def test_usual_laws_need_no_words_and_chosen_ones_are_named_with_their_numbers():
@@ -27,3 +28,15 @@ def test_usual_laws_need_no_words_and_chosen_ones_are_named_with_their_numbers()
     assert "collagen fibres" in words
     assert "at 35° to the circumference, with k1 1e+06 dyn/cm², k2 1 and dispersion 0.1" in words
     assert list(chosen_laws(case, rigid=True)) == [blood]
+
+
+def test_a_wall_that_is_to_bend_without_columns_says_what_that_costs():
+    case = read_case(demo_case_path())
+    size = {"radius": 1.0, "length": 2.0, "thickness": 0.2}
+    mesh = tube(**size, n_around=8, n_axial=2, n_layers=1)
+    (words,) = wall_without_columns(case, mesh)
+    assert "no columns of wedges" in words
+    linear = dataclasses.replace(case, wall=WallParameters(element="linear"))
+    assert not list(wall_without_columns(linear, mesh))
+    columns = tube(**size, n_around=8, n_axial=2, n_layers=1, columns=True)
+    assert not list(wall_without_columns(case, columns))

@@ -32,11 +32,12 @@ def test_usual_laws_need_no_words_and_chosen_ones_are_named_with_their_numbers()
 
 def test_a_wall_that_is_to_bend_without_columns_says_what_that_costs():
     case = read_case(demo_case_path())
-    size = {"radius": 1.0, "length": 2.0, "thickness": 0.2}
-    mesh = tube(**size, n_around=8, n_axial=2, n_layers=1)
-    (words,) = wall_without_columns(case, mesh)
+    whole, columns = (
+        tube(radius=1.0, length=2.0, thickness=0.2, n_around=8, n_axial=2, n_layers=1, columns=c)
+        for c in (False, True)
+    )
+    (words,) = wall_without_columns(case, whole)
     assert "no columns of wedges" in words
     linear = dataclasses.replace(case, wall=WallParameters(element="linear"))
-    assert not list(wall_without_columns(linear, mesh))
-    columns = tube(**size, n_around=8, n_axial=2, n_layers=1, columns=True)
+    assert not list(wall_without_columns(linear, whole))
     assert not list(wall_without_columns(case, columns))

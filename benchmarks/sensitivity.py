@@ -3,9 +3,9 @@
 The bundled patient's coarse mesh under dobutamine, the first 30 steps of 2 ms, in which the aortic
 pressure rises (the whole cycle with ``JAXFSI_SENSITIVITY=cycle``), α as its quick study finds it.
 The ratio is that of the means over those steps. One sweep in reverse mode gives its derivative by
-everything; two parameters are then changed in the mesh itself and the whole run is made again,
-prestress included: the thickness of the wall, and a smooth bulge of the lumen at the narrowest
-place of its course.
+everything; three things are then changed and the whole run is made again, prestress included:
+Young's modulus, and in the mesh itself the thickness of the wall and a smooth bulge of the lumen at
+the narrowest place of its course.
 """
 
 import dataclasses
@@ -13,6 +13,7 @@ import os
 import pathlib
 import tempfile
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,9 @@ _TOLERANCE = 1e-3
 _THICKER = 0.05
 """Share by which the wall is made thicker and thinner."""
 
+_STIFFER = 0.10
+"""Share by which Young's modulus is raised and lowered."""
+
 _BULGE, _WIDTH = 0.004, 0.15
 """Height and half width of the bulge of the lumen [cm]."""
 
@@ -60,7 +64,7 @@ def run(rounds: int) -> dict[str, Any]:
     case = read_case(demo_case_path())
     case = dataclasses.replace(case, solver=dataclasses.replace(case.solver, tolerance=_TOLERANCE))
     anatomy = case_anatomy(case, states_of(case)[0])
-    mesh = build_mesh(anatomy, preset="coarse").mesh
+    mesh = build_mesh(anatomy, preset="coarse", wedge_layers=1).mesh
     with tempfile.TemporaryDirectory() as folder, Progress() as progress:
         place = pathlib.Path(folder)
         site = aortic_site(mesh, anatomy)
@@ -74,15 +78,25 @@ def run(rounds: int) -> dict[str, Any]:
         relative, nodes = by_parameters(swept, case, _RUN, setup)
         surface = lumen_surface(mesh)
         bulge = lumen_spread(mesh, surface)(bulge_of(surface, anatomy, context))
-        fields = {
-            "thickness of the wall, ±5 %": _THICKER * thickness_field(mesh, surface),
-            "lumen at the narrowest place, ±0.04 mm": bulge,
+        thicker = _THICKER * thickness_field(mesh, surface)
+        trials: dict[str, tuple[float, Callable[[int], RunContext]]] = {
+            "Young's modulus, ±10 %": (
+                _STIFFER * swept.ratio * relative["E"],
+                lambda sign: stiffened(context, 1.0 + sign * _STIFFER),
+            ),
+            "thickness of the wall, ±5 %": (
+                float(np.sum(nodes * thicker)),
+                lambda sign: moved(context, sign * thicker),
+            ),
+            "lumen at the narrowest place, ±0.04 mm": (
+                float(np.sum(nodes * bulge)),
+                lambda sign: moved(context, sign * bulge),
+            ),
         }
         rows = []
-        for what, field in fields.items():
-            predicted = float(np.sum(nodes * field))
+        for what, (predicted, trial) in trials.items():
             begun = time.perf_counter()
-            more, less = (moved_ratio(context, sign * field, f"{what} {sign}") for sign in (1, -1))
+            more, less = (ratio_of(trial(sign), f"{what} {sign}") for sign in (1, -1))
             found = (more - less) / 2.0
             rows.append(
                 {
@@ -129,11 +143,21 @@ def bulge_of(surface: LumenSurface, anatomy: Anatomy, context: RunContext) -> np
     return _BULGE * (height * chosen)[:, None] * surface.normal
 
 
-def moved_ratio(context: RunContext, field: np.ndarray, name: str) -> float:
-    """Ratio of a whole new run whose nodes are moved, in equal steps."""
+def moved(context: RunContext, field: np.ndarray) -> RunContext:
+    """With moved nodes."""
     mesh = dataclasses.replace(context.mesh, points=context.mesh.points + field)
-    moved = dataclasses.replace(context, mesh=mesh, mesh_key=name)
-    setup = windowed(setup_of(moved, _RUN))
+    return dataclasses.replace(context, mesh=mesh)
+
+
+def stiffened(context: RunContext, factor: float) -> RunContext:
+    """With a multiple of Young's modulus."""
+    wall = dataclasses.replace(context.case.wall, E=factor * context.case.wall.E)
+    return dataclasses.replace(context, case=dataclasses.replace(context.case, wall=wall))
+
+
+def ratio_of(context: RunContext, name: str) -> float:
+    """Ratio of a whole new run in equal steps."""
+    setup = windowed(setup_of(dataclasses.replace(context, mesh_key=name), _RUN))
     stepper, reading = gradient_stepper(context.case, setup), reading_of(setup, context.site)
     state, sums = setup.state, np.zeros(2)
     for _ in range(setup.schedule.n_steps // _CHUNK):

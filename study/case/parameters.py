@@ -67,7 +67,7 @@ class WallParameters:
     added_later: ClassVar[frozenset[str]] = frozenset(
         {
             "volumetric_penalty", "damping", "tissue", "minimum_gap", "k1", "k2", "fibre_angle",
-            "dispersion",
+            "dispersion", "E_coronary", "E_septum",
         }
     )  # fmt: skip
     E: Annotated[
@@ -144,6 +144,22 @@ class WallParameters:
             advice="give kappa, from 0, aligned, to 1/3, in all directions",
         ),
     ] = 0.0  # fmt: skip
+    E_coronary: Annotated[
+        Number | None,
+        Quantity(
+            "stiffness", "dyn_per_cm2", 2.0e5, 3.0e8,
+            text="Young's modulus of the anomalous coronary in 3D; without it, that of the wall",
+            example=1.8e7,
+        ),
+    ] = None  # fmt: skip
+    E_septum: Annotated[
+        Number | None,
+        Quantity(
+            "stiffness", "dyn_per_cm2", 2.0e5, 3.0e8,
+            text="of what lies between aorta and coronary in 3D; without it, that of the wall",
+            example=1.4e7,
+        ),
+    ] = None  # fmt: skip
     tissue: TissueParameters = TissueParameters()
 
 

@@ -28,6 +28,9 @@ def chosen_laws(case: Case, *, rigid: bool = False) -> Iterator[str]:
         )
     elif wall.material != WallParameters.material:
         yield f"the elastic law of the wall is {wall.material}"
+    for part, E in (("coronary", wall.E_coronary), ("septum", wall.E_septum)):
+        if E is not None:
+            yield f"the {part} has a Young's modulus of {E:.3g} dyn/cm², the wall {wall.E:.3g}"
     if wall.damping:
         yield f"the wall is viscoelastic (Kelvin-Voigt), with {wall.damping:g} poise"
     if wall.volumetric_penalty:

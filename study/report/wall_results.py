@@ -63,7 +63,7 @@ def wall_document(case: Case, fit: WallFit, provenance: Provenance) -> WallDocum
         misfit=fit.misfit,
         evaluations=fit.evaluations,
         determined=list(fit.messages),
-        notes=[*_notes(states), *_unmeasured(fit)],
+        notes=[*_notes(states), *_unmeasured(fit), _as_case(fit)],
         states=states,
         provenance=provenance,
     )
@@ -154,3 +154,14 @@ def _unmeasured(fit: WallFit) -> list[Note]:
         " does not fall along the course here. Give ffr in its table if it was measured."
     )
     return [Note("info", text)]
+
+
+def _as_case(fit: WallFit) -> Note:
+    """How a case has the wall that was found."""
+    found = fit.found
+    keys = (
+        f"E_dyn_per_cm2 = {float(found.aorta):.4g}, E_coronary_dyn_per_cm2 ="
+        f" {float(found.coronary):.4g} and E_septum_dyn_per_cm2 = {float(found.septum):.4g} below"
+        f" [wall], stiffness_dyn_per_cm3 = {float(found.support):.4g} below [tissue]"
+    )
+    return Note("info", f"The fitted wall as a case has it: {keys}.")

@@ -25,18 +25,21 @@ from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model, build_model
 from jaxfsi.fields import wall_frame
+from jaxfsi.fields.wall_regions import WallRegion, wall_regions
+from lumped.parameters import Parameter
 from lumped.waveforms import Constant
 from study.case.blood import BloodParameters
 from study.case.laws import FIBRES
 from study.case.model import Case
 from study.case.parameters import WallParameters
+from study.run.anatomy_source import case_anatomy
 
 
-def _with_fibres(wall: WallParameters, mesh: Mesh) -> HolzapfelGasserOgden:
+def _with_fibres(wall: WallParameters, E: Parameter, mesh: Mesh) -> HolzapfelGasserOgden:
     """A wall with fibres in the directions of the lumen's frame."""
     frame = wall_frame(mesh)
     return HolzapfelGasserOgden(
-        wall.E,
+        E,
         wall.nu,
         k1=wall.k1,
         k2=wall.k2,
@@ -48,14 +51,14 @@ def _with_fibres(wall: WallParameters, mesh: Mesh) -> HolzapfelGasserOgden:
 
 
 MATERIALS = {
-    "linear": lambda wall, _: LinearElastic(wall.E, wall.nu),
-    "saint_venant_kirchhoff": lambda wall, _: SaintVenantKirchhoff(
-        wall.E, wall.nu, wall.volumetric_penalty
+    "linear": lambda wall, E, _: LinearElastic(E, wall.nu),
+    "saint_venant_kirchhoff": lambda wall, E, _: SaintVenantKirchhoff(
+        E, wall.nu, wall.volumetric_penalty
     ),
-    "neo_hookean": lambda wall, _: NeoHookean(wall.E, wall.nu),
+    "neo_hookean": lambda wall, E, _: NeoHookean(E, wall.nu),
     FIBRES: _with_fibres,
 }
-"""Elastic laws of the wall by name, from its parameters and the mesh."""
+"""Elastic laws of the wall by name, from its parameters, Young's modulus and the mesh."""
 
 VISCOSITIES = {
     "newtonian": lambda blood: Newtonian(blood.mu),
@@ -75,15 +78,30 @@ def blood_of(blood: BloodParameters) -> Blood:
     return Blood(blood.rho_f, VISCOSITIES[blood.law](blood))
 
 
-def wall_of(wall: WallParameters, mesh: Mesh) -> Wall:
+def wall_of(case: Case, mesh: Mesh) -> Wall:
     """The wall of a model, with the tissue outside; fibres follow the lumen of the mesh."""
+    wall = case.wall
     return Wall(
-        MATERIALS[wall.material](wall, mesh),
+        MATERIALS[wall.material](wall, young_modulus(case, mesh), mesh),
         rho_s=wall.rho_s,
         damping=wall.damping,
         support_stiffness=wall.tissue.stiffness,
         support_damping=wall.tissue.damping,
     )
+
+
+def young_modulus(case: Case, mesh: Mesh) -> Parameter:
+    """Young's modulus: one number, or one a tetrahedron of the wall where its parts differ.
+
+    The parts are those of `wall_regions`, along the axes of the first state.
+    """
+    wall = case.wall
+    if wall.E_coronary is None and wall.E_septum is None:
+        return wall.E
+    of_region = np.full(len(WallRegion), float(wall.E))
+    of_region[WallRegion.CORONARY] = wall.E if wall.E_coronary is None else wall.E_coronary
+    of_region[WallRegion.SEPTUM] = wall.E if wall.E_septum is None else wall.E_septum
+    return jnp.asarray(of_region[wall_regions(mesh, case_anatomy(case))])
 
 
 Stress = dict[str, np.ndarray]
@@ -121,7 +139,7 @@ def case_model(
         mesh,
         {**ports, **outside},
         blood=blood_of(case.blood),
-        wall=None if rigid else wall_of(case.wall, mesh),
+        wall=None if rigid else wall_of(case, mesh),
         wall_element=case.wall.element,
         P_ambient=P_image,
         least_gap=LeastGap(case.wall.minimum_gap) if case.wall.minimum_gap else None,

@@ -212,7 +212,7 @@ def by_parameters(
     through = through_prestress(swept.model, model, setup.mesh, P_image)
     by: Any = swept.model  # a derivative in each number's place
     law, by_law = elastic(model), elastic(by)
-    total["E"] = float(law.E * (by_law.E + through.E))
+    total["E"] = float(jnp.sum(law.E * (by_law.E + through.E)))
     total["nu"] = float(law.nu * (by_law.nu + through.nu))
     total["P_image"] = float(P_image * (by.P_ambient + through.P_image))
     total["rho_f"] = float(model.blood.rho_f * by.blood.rho_f)

@@ -218,8 +218,9 @@ def _bending(case: Case) -> Case:
 
 
 def _start(case: Case) -> WallStiffness:
-    E = case.wall.E
-    return WallStiffness(E, E, E, case.wall.tissue.stiffness or SUPPORT)
+    wall = case.wall
+    coronary, septum = (wall.E if E is None else E for E in (wall.E_coronary, wall.E_septum))
+    return WallStiffness(wall.E, coronary, septum, wall.tissue.stiffness or SUPPORT)
 
 
 def _wall(

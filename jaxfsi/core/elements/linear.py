@@ -141,10 +141,20 @@ def _cross(a: Sequence[Array], b: Sequence[Array]) -> list[Array]:
     ]
 
 
-def scatter(values: Corners, tets: Int[Array, "4 tets"], n_nodes: int) -> Float[Array, " nodes"]:
-    """Sum the contributions of all elements to each node."""
+def scatter(
+    values: Sequence[Float[Array, " elements"]],
+    nodes: Int[Array, "places elements"],
+    n_nodes: int,
+) -> Float[Array, " nodes"]:
+    """Sum the contributions of all elements to each node.
+
+    Args:
+        values: one array for each place of an element.
+        nodes: of each place.
+        n_nodes: number of nodes.
+    """
     zero = jnp.zeros(n_nodes, values[0].dtype)
-    return zero.at[tets.reshape(-1)].add(
+    return zero.at[nodes.reshape(-1)].add(
         jnp.concatenate(values), mode=IN_BOUNDS, wrap_negative_indices=False
     )
 

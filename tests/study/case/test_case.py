@@ -146,7 +146,9 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     for name in ("frames.csv", "reference.csv"):
         (tmp_path / name).write_text("x")
     full = read_case(file)
-    assert (full.wall, full.blood, full.coronary) == (plain.wall, plain.blood, plain.coronary)
+    assert (full.blood, full.coronary) == (plain.blood, plain.coronary)
+    assert dataclasses.replace(full.wall, E_coronary=None, E_septum=None) == plain.wall
+    assert None not in (full.wall.E_coronary, full.wall.E_septum)
     assert full.stress == plain.stress
     assert full.surrogate == dataclasses.replace(plain.surrogate, K=1e3)
     assert None not in dataclasses.astuple(full.conditions["rest"])

@@ -77,14 +77,15 @@ def test_prediction_is_the_image_times_the_ratio_of_the_model(parts):
     still = np.log(0.8) / (0.1 * np.sqrt(2.0)) / np.sqrt(2.0)
     assert state["deviation"]["rigid"] == pytest.approx(-still)
     assert state["P_distal_mmHg"] == pytest.approx(126.0)
-    assert [note["level"] for note in document["notes"]] == ["info"]
+    assert [note["level"] for note in document["notes"]] == ["info", "info"]
+    assert "E_coronary_dyn_per_cm2 = " in document["notes"][1]["text"]
 
 
 def test_what_no_moduli_explain_is_said(parts):
     document = _document(*parts, measured=0.036, fitted=1.02)
     levels = [note["level"] for note in document["notes"]]
     texts = [note["text"] for note in document["notes"]]
-    assert levels == ["warning", "warning"]
+    assert levels == ["warning", "warning", "info"]
     assert "-40.0 % as measured" in texts[0]
     assert "+2.0 % in the fitted wall" in texts[0]
     assert texts[1] == LEFT

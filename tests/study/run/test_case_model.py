@@ -17,6 +17,7 @@ from jaxfsi.core import (
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.stepper import prepare
+from jaxfsi.fields.wall_regions import WallRegion
 from jaxfsi.mesh import Region
 from jaxfsi.mesh_files import write_mesh
 from jaxfsi.meshing import tube
@@ -24,12 +25,13 @@ from jaxfsi.simulation import SolverChoice
 from jaxfsi.simulation.checkpoint import fingerprint
 from lumped.waveforms import Constant
 from study.case.blood import BloodParameters
+from study.case.faults import CaseError
 from study.case.parameters import WallParameters
 from study.case.read import read_case
 from study.case.schema import Word, keys_of
 from study.run.anatomy_source import case_mesh
 from study.run.case_model import MATERIALS, VISCOSITIES, blood_of, case_model, wall_of
-from study.run.setup import plan_steps, prepare_simulation
+from study.run.setup import check_simulation, plan_steps, prepare_simulation
 from study.run.simulation import solver_choice
 
 CASE = """\
@@ -65,7 +67,7 @@ def read(tmp_path_factory):
 
 def test_defaults_are_a_newtonian_elastic_model_alone_in_space(read):
     case = read()
-    viscosity, wall = blood_of(case.blood).viscosity, wall_of(case.wall, case_mesh(case))
+    viscosity, wall = blood_of(case.blood).viscosity, wall_of(case, case_mesh(case))
     assert isinstance(viscosity, Newtonian)
     assert float(viscosity.mu) == 0.04
     assert isinstance(wall.material, SaintVenantKirchhoff)
@@ -99,7 +101,7 @@ def test_shear_thinning_arrives(read):
 def test_every_law_of_the_wall_arrives(read, name, law):
     fibres = "k1_dyn_per_cm2 = 3e5\n" if law is HolzapfelGasserOgden else ""
     case = read(f'[wall]\nmaterial = "{name}"\nE_dyn_per_cm2 = 2e6\n{fibres}')
-    material = wall_of(case.wall, case_mesh(case)).material
+    material = wall_of(case, case_mesh(case)).material
     assert isinstance(material, law)
     assert float(material.E) == 2e6
 
@@ -108,7 +110,7 @@ def test_fibres_arrive_with_directions_round_and_along_the_lumen(read):
     numbers = "k1_dyn_per_cm2 = 3e5\nk2 = 2.5\nfibre_angle_deg = 40\ndispersion = 0.1\n"
     case = read(f'[wall]\nmaterial = "holzapfel_gasser_ogden"\n{numbers}')
     mesh = case_mesh(case)
-    law = wall_of(case.wall, mesh).material
+    law = wall_of(case, mesh).material
     assert isinstance(law, HolzapfelGasserOgden)
     given = [float(v) for v in (law.k1, law.k2, law.angle, law.dispersion)]
     assert given == pytest.approx([3e5, 2.5, np.radians(40.0), 0.1])
@@ -136,11 +138,39 @@ def test_damping_penalty_and_tissue_arrive(read):
     tables = "[wall]\ndamping_poise = 300\nvolumetric_penalty_dyn_per_cm2 = 1e6\n"
     tables += "[tissue]\nstiffness_dyn_per_cm3 = 2e5\ndamping_dyn_s_per_cm3 = 40\n"
     case = read(tables)
-    wall = wall_of(case.wall, case_mesh(case))
+    wall = wall_of(case, case_mesh(case))
     assert isinstance(wall.material, SaintVenantKirchhoff)
     assert float(wall.material.volumetric_penalty) == 1e6
     given = (wall.damping, wall.support_stiffness, wall.support_damping)
     assert [float(x) for x in given] == [300.0, 2e5, 40.0]
+
+
+def test_parts_of_the_wall_have_moduli_of_their_own(read, monkeypatch):
+    """With parts of a tube called as those of an anatomy are."""
+    tables = "[wall]\nE_dyn_per_cm2 = 1e7\nE_coronary_dyn_per_cm2 = 2e7\n"
+    case = read(tables)
+    mesh = case_mesh(case)
+    region = np.arange(np.sum(mesh.region == Region.SOLID)) % 3
+    monkeypatch.setattr("study.run.case_model.wall_regions", lambda mesh, anatomy: region)
+    monkeypatch.setattr("study.run.case_model.case_anatomy", lambda case: None)
+    found = np.asarray(wall_of(case, mesh).material.E)
+    assert np.array_equal(found, np.where(region == WallRegion.CORONARY, 2e7, 1e7))
+    septum = wall_of(read("[wall]\nE_septum_dyn_per_cm2 = 2e7\n"), mesh).material.E
+    assert np.array_equal(septum, np.where(region == WallRegion.SEPTUM, 2e7, 1.5e7))
+    # prestress and equilibrium of a wall with one modulus a tetrahedron: twice as stiff everywhere
+    alike = read("[wall]\nE_dyn_per_cm2 = 2e7\n")
+    ports = {"inlet": SHUT, "outlet": SHUT}
+    monkeypatch.setattr("study.run.case_model.wall_regions", lambda mesh, anatomy: 0 * region + 1)
+    with jax.numpy_rank_promotion("allow"):
+        one, other = (case_model(c, mesh, ports, 1e5).prestress for c in (case, alike))
+    assert np.allclose(one, other, rtol=1e-6, atol=1e-3)
+
+
+def test_moduli_of_parts_need_an_axis(read):
+    case = read("[wall]\nE_septum_dyn_per_cm2 = 2e7\n")
+    with pytest.raises(CaseError, match="axis of the anomalous artery") as error:
+        check_simulation(case, "rest", rigid=False, dt=None)
+    assert any("wall.E_septum_dyn_per_cm2" in str(fault) for fault in error.value.faults)
 
 
 def test_least_gap_arrives(read):

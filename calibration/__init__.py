@@ -72,6 +72,15 @@ if TYPE_CHECKING:
         systolic_target,
         waveform_target,
     )
+    from calibration.uncertainty import (
+        AbstractSpread,
+        LogNormal,
+        Normal,
+        Uncertainty,
+        Uniform,
+        standard_normals,
+        uncertainty,
+    )
     from calibration.vascular import FreeParameters, VesselFit, calibrate_vessels
     from calibration.vessel_record import (
         VesselParameters,

@@ -115,11 +115,12 @@ def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
         return 5.0 + steps * _SECONDS_A_STEP
 
     ramp = choice.ramp.drop / choice.ramp.rate / dt * 1.5 * _SECONDS_A_STEP
+    # what follows the ramp is compiled beside it
     plan = {**planned_steps(case, states_of(case)[:1]), RAMP: 2.0 * _COMPILE + ramp}
-    plan["calibrating in 0D"] = 30.0
+    plan["calibrating in 0D"] = 10.0
     if choice.paper:
         plan[_step(PAPER, "rest", None)] = seconds("rest")
-    plan[_step(CURVE, "rest", None)] = seconds("rest") + _COMPILE
+    plan[_step(CURVE, "rest", None)] = seconds("rest")
     plan[_step(f"{LOOP}1", "rest", None)] = seconds("rest")
     if choice.nominal:
         plan[_step(NOMINAL, "rest", None)] = seconds("rest")

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         ratio_response,
         through_calibration,
     )
+    from calibration.stress_ratio import StressRatio
     from calibration.sweep import (
         Calibrations,
         Sweep,

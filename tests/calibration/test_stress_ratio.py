@@ -1,0 +1,83 @@
+"""FFR as a function of all numbers of a patient, against derivatives found in another way."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+
+from calibration import (
+    LogNormal,
+    Normal,
+    StressRatio,
+    calibrate_alpha,
+    ratio_response,
+    through_calibration,
+    uncertainty,
+)
+from lumped import MMHG, Shooting, Surrogate, condition_from_clinic, stress_rule
+
+REST = condition_from_clinic(110.0, 65.0, 0.8)
+STRESS = condition_from_clinic(130.0, 70.0, 0.45)
+SOLVER = Shooting(48, order=3)
+PATIENTS = {
+    "linear": Surrogate(R0=5.0e3, alpha=1.0),
+    "quadratic": Surrogate(R0=700.0, K=900.0, alpha=1.0),
+}
+
+
+def _patient(name):
+    return StressRatio(PATIENTS[name], REST, STRESS, stress_rule("printed"), 0.91, SOLVER)
+
+
+@pytest.mark.parametrize("name", PATIENTS)
+def test_derivatives_are_those_through_the_calibration(name):
+    patient = _patient(name)
+    values = {n: v for n, v in patient.values.items() if n != "dilation"}
+
+    @eqx.filter_jit
+    def sloped(patient, values):
+        return jax.value_and_grad(lambda v: patient.with_values(v)())(values)
+
+    ratio, slopes = sloped(patient, values)
+    fit = calibrate_alpha(patient.surrogate, REST, 0.91, solver=SOLVER)
+    tuned = eqx.tree_at(lambda s: s.alpha, patient.surrogate, fit.alpha)
+    respond = eqx.filter_jit(ratio_response)
+    rest = respond(tuned, REST, solver=SOLVER).sensitivity
+    stressed = respond(tuned, STRESS, rule=patient.rule, solver=SOLVER)
+    assert float(ratio) == pytest.approx(float(stressed.metrics.ratio), rel=1e-9)
+    expected = through_calibration(stressed.sensitivity, rest)
+    for key, slope in slopes.items():
+        # both solve for α and the periodic state to 1e-9 and better
+        found = float(values[key] * slope / ratio)
+        assert found == pytest.approx(float(expected[key]), rel=1e-5, abs=1e-8), key
+
+
+def test_dilation_moves_all_resistances_of_the_bed_alike():
+    patient = _patient("linear")
+    wide = patient.with_values({"dilation": 0.8})
+    for part in ("R_1", "R_2", "R_3"):
+        expected = 0.8 * float(getattr(patient.rule, part))
+        assert float(getattr(wide.rule, part)) == pytest.approx(expected)
+    assert float(wide()) < float(patient())
+    assert float(patient.with_values({"dilation": 1.0})()) == float(patient())
+
+
+def test_a_ratio_that_no_bed_gives_is_no_number():
+    patient = _patient("linear").with_values({"rest_ratio": 1.2})
+    assert jnp.isnan(patient())
+    with pytest.raises(KeyError, match="no number 'R_9'"):
+        patient.with_values({"R_9": 1.0})
+
+
+def test_error_bar_of_ffr():
+    patient = _patient("quadratic")
+    inputs = {
+        "rest_ratio": Normal(0.91, 0.01),
+        "dilation": LogNormal(1.0, 0.3),
+        "R0": LogNormal(700.0, 0.3),
+        "P_systolic": Normal(130.0 * MMHG, 5.0 * MMHG),
+    }
+    found = uncertainty(lambda x: patient.with_values(x)(), inputs, n_samples=2**6)
+    assert next(iter(found.shares)) == "dilation"
+    assert found.linear_sd == pytest.approx(found.sd, rel=0.2)
+    assert found.nominal == pytest.approx(float(patient()), rel=1e-9)

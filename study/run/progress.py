@@ -206,7 +206,7 @@ class Progress:
         jumps when it ends.
         """
         seen = list(self._done)
-        if self._end is not None:
+        if self._end is not None and self._at >= 0:
             taken = now - self._step_start
             whole, expected = max(taken, self._end[0] - self._step_start), self._expected(self._at)
             if whole > _FINISHED * expected:

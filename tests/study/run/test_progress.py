@@ -169,3 +169,12 @@ def test_share_of_the_time_grows_to_one(progress, clock):
     assert told == sorted(told)
     assert told[0] == pytest.approx(0.0, abs=1e-6)
     assert told[-1] > 0.8
+
+
+def test_work_without_a_step_can_say_how_long_it_takes(progress, clock):
+    with progress:
+        clock.now += 2.0
+        progress.tell("sweeping", left=10.0)
+        clock.now += 1.0
+        assert "sweeping (3 s so far" in progress.message()
+        assert 0.0 < progress.share() <= 1.0

@@ -199,7 +199,7 @@ def uncertainty(
     scalar: Callable[[dict[str, Array]], Float[Array, ""]],
     inputs: Mapping[str, AbstractSpread],
     *,
-    n_samples: int = 2**14,
+    n_samples: int = 2**12,
     batch_size: int = BATCH,
     seed: int = 0,
 ) -> Uncertainty:

@@ -13,6 +13,7 @@ PROMISES = {
     "sweep_cohort": ["cases: 2000", "rest", "d alpha/d ratio"],
     "elastic_tube": ["mean pressure", "Ohm"],
     "wall_and_blood": ["Newtonian", "Carreau-Yasuda", "viscoelastic", "supported"],
+    "ffr_interval": ["FFR 0.8", "chance of 0.80", "dilation", "of the variance"],
     "ffr_gradient": ["FFR under stress", "resting ratio", "with K"],
 }
 

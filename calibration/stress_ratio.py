@@ -33,6 +33,10 @@ REST_PREFIX = "rest_"
 DILATION = "dilation"
 """Common factor of the resistances of the bed under stress, times those of the rule."""
 
+QUICK = Shooting(32, order=3)
+"""How cycles are marched where a ratio is wanted many times: FFR of a patient with quadratic loss
+moves by 4e-5 from what 256 steps of order 5 give, in a fourteenth of the time."""
+
 _BED = ("R_1", "R_2", "R_3")
 _CONDITION = ("P_systolic", "P_diastolic", "period")
 _SURROGATE = ("R0", "K", "C0")
@@ -55,7 +59,7 @@ class StressRatio(eqx.Module):
     stress: HaemodynamicCondition
     rule: StressRule
     rest_ratio: Parameter = parameter()
-    solver: Shooting = eqx.field(default_factory=Shooting)
+    solver: Shooting = QUICK
 
     def __call__(self) -> Float[Array, ""]:
         """FFR with α tuned [-]; NaN where α or the periodic state is not found."""

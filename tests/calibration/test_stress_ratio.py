@@ -52,6 +52,13 @@ def test_derivatives_are_those_through_the_calibration(name):
         assert found == pytest.approx(float(expected[key]), rel=1e-5, abs=1e-8), key
 
 
+def test_quick_march_is_near_a_fine_one():
+    fine = _patient("quadratic")
+    fine = eqx.tree_at(lambda p: p.solver, fine, Shooting())
+    quick = StressRatio(fine.surrogate, REST, STRESS, fine.rule, 0.91)
+    assert float(quick()) == pytest.approx(float(fine()), abs=2e-4)
+
+
 def test_dilation_moves_all_resistances_of_the_bed_alike():
     patient = _patient("linear")
     wide = patient.with_values({"dilation": 0.8})

@@ -5,7 +5,7 @@ pressure rises (the whole cycle with ``JAXFSI_SENSITIVITY=cycle``), α as its qu
 The ratio is that of the means over those steps. One sweep in reverse mode gives its derivative by
 everything; three things are then changed and the whole run is made again, prestress included:
 Young's modulus, and in the mesh itself the thickness of the wall and a smooth bulge of the lumen at
-the narrowest place of its course.
+the narrowest place of its course. What lies behind the outlets stays as it was.
 """
 
 import dataclasses
@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 from jaxfsi.adjoint.lumen_shape import (
@@ -40,14 +41,15 @@ from study.run.run_context import RunContext
 from study.run.sensitivity import by_parameters, gradient_stepper, reading_of, swept_gradient
 from study.run.simulation_data import Setup
 from study.run.study_choice import RunChoice
-from study.run.study_options import QUICK_STEP
 
 _RUN = PlannedRun(RunId("sensitivity", "dobutamine", "printed"), 0.114)
-_TOLERANCE = 1e-3
+_TOLERANCE, _STEP = 1e-3, 2e-3
+"""Steps are all of one size, so that none may fail: with 3 ms some would."""
+
 _THICKER = 0.05
 """Share by which the wall is made thicker and thinner."""
 
-_STIFFER = 0.10
+_STIFFER = 0.03
 """Share by which Young's modulus is raised and lowered."""
 
 _BULGE, _WIDTH = 0.004, 0.15
@@ -68,9 +70,7 @@ def run(rounds: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder, Progress() as progress:
         place = pathlib.Path(folder)
         site = aortic_site(mesh, anatomy)
-        context = RunContext(
-            case, mesh, "as it is", place, RunChoice(dt=QUICK_STEP), progress, site
-        )
+        context = RunContext(case, mesh, "as it is", place, RunChoice(dt=_STEP), progress, site)
         setup = windowed(setup_of(context, _RUN))
         begun = time.perf_counter()
         swept = swept_gradient(case, setup, site, progress=progress)
@@ -80,7 +80,7 @@ def run(rounds: int) -> dict[str, Any]:
         rows = []
         for what, (predicted, trial) in trials.items():
             begun = time.perf_counter()
-            more, less = (ratio_of(trial(sign), f"{what} {sign}") for sign in (1, -1))
+            more, less = (ratio_of(trial(sign), f"{what} {sign}", setup) for sign in (1, -1))
             found = (more - less) / 2.0
             rows.append(
                 {
@@ -123,7 +123,7 @@ def _trials(
     bulge = lumen_spread(context.mesh, surface)(bulge_of(surface, anatomy, context))
     thicker = _THICKER * thickness_field(context.mesh, surface)
     return {
-        "Young's modulus, ±10 %": (
+        "Young's modulus, ±3 %": (
             _STIFFER * by_modulus,
             lambda sign: stiffened(context, 1.0 + sign * _STIFFER),
         ),
@@ -169,9 +169,14 @@ def stiffened(context: RunContext, factor: float) -> RunContext:
     return dataclasses.replace(context, case=dataclasses.replace(context.case, wall=wall))
 
 
-def ratio_of(context: RunContext, name: str) -> float:
-    """Ratio of a whole new run in equal steps."""
+def ratio_of(context: RunContext, name: str, before: Setup) -> float:
+    """Ratio of a whole new run in equal steps, behind the outlets of another one.
+
+    The impedance of the aorta's outlet would follow the stiffness of its wall.
+    """
     setup = windowed(setup_of(dataclasses.replace(context, mesh_key=name), _RUN))
+    model = eqx.tree_at(lambda m: m.ports, setup.model, before.model.ports)
+    setup = dataclasses.replace(setup, model=model, state=before.state)
     stepper, reading = gradient_stepper(context.case, setup), reading_of(setup, context.site)
     state, sums = setup.state, np.zeros(2)
     for _ in range(setup.schedule.n_steps // _CHUNK):

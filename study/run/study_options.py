@@ -11,8 +11,9 @@ from study.store.options import StudyOptions
 
 QUICK_STEP, QUICK_RATE = 3.0e-3, 150.0 * MMHG
 QUICK_STRESS = "dobutamine"
-QUICK_TOLERANCE = 1.0e-2
-"""How far the residual of a step is reduced in a quick study: moves a ratio by 3e-4."""
+QUICK_TOLERANCE = 3.0e-3
+"""How far the residual of a step is reduced in a quick study. With 1e-2 the steps in which the slit
+of the bundled patient narrows fastest under dobutamine fail now and then, however small."""
 
 
 def study_case(case: Case, options: StudyOptions) -> Case:

@@ -21,7 +21,7 @@ from lumped import (
     StressRule,
     Surrogate,
     mean_state,
-    metrics,
+    pressure_ratio,
     solve_periodic,
 )
 from lumped.nominal import NOMINAL
@@ -82,16 +82,16 @@ class StressRatio(eqx.Module):
             KeyError: there is no such number.
         """
         places, moved = self._places(), self
-        for name, value in values.items():
-            if name == DILATION:
-                factors = [value * getattr(self.rule, part) for part in _BED]
-                bed = lambda m: [getattr(m.rule, part) for part in _BED]  # noqa: E731
-                moved = eqx.tree_at(bed, moved, factors)
-            elif name in places:
-                moved = eqx.tree_at(places[name], moved, jnp.asarray(value, float))
-            else:
+        for name in values:
+            if name not in places and name != DILATION:
                 known = ", ".join((*places, DILATION))
                 raise KeyError(f"a patient has no number {name!r}; take one of {known}")
+            if name != DILATION:
+                moved = eqx.tree_at(places[name], moved, jnp.asarray(values[name], float))
+        # last: it multiplies the factors of the rule, given or not
+        wider = {f"{STRESS_PREFIX}{part}": values.get(DILATION, 1.0) for part in _BED}
+        for name, factor in wider.items():
+            moved = eqx.tree_at(places[name], moved, replace_fn=lambda R, c=factor: c * R)
         return moved
 
     @property
@@ -124,4 +124,4 @@ def _ratio(network: Network, period: Parameter, solver: Shooting) -> tuple[Array
         distal, aorta = network.pressure_index("distal"), network.pressure_index("aorta")
         return mean[distal] / mean[aorta], jnp.ones((), bool)
     solution = solve_periodic(network, period, solver, throw=False)
-    return metrics(solution).ratio, solution.result == RESULTS.successful
+    return pressure_ratio(solution), solution.result == RESULTS.successful

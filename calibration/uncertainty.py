@@ -31,7 +31,7 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 from calibration.sweep import BATCH
-from lumped.parameters import Parameter, Range, check_range, parameter
+from lumped.parameters import Parameter, Range, check_range, is_traced, parameter
 
 MOST_FAILED = 0.01
 """Share of the samples that may have no value."""
@@ -42,6 +42,16 @@ _EDGE = 1e-12
 
 class AbstractSpread(eqx.Module):
     """Distribution of an input, as an increasing function of a standard normal number."""
+
+    ranges: ClassVar[Range]
+
+    def __check_init__(self):
+        """Refuse numbers out of their range; traced ones pass.
+
+        Raises:
+            ValueError: a concrete number is out of its range.
+        """
+        check_range(self)
 
     @abc.abstractmethod
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -59,14 +69,6 @@ class Normal(AbstractSpread):
     ranges: ClassVar[Range] = Range(finite=("mean",), least=("sd",))
     mean: Parameter = parameter()
     sd: Parameter = parameter()
-
-    def __check_init__(self):
-        """Refuse a standard deviation below zero; traced numbers pass.
-
-        Raises:
-            ValueError: a concrete number is out of its range.
-        """
-        check_range(self)
 
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Mean + sd z."""
@@ -86,14 +88,6 @@ class LogNormal(AbstractSpread):
     median: Parameter = parameter()
     log_sd: Parameter = parameter()
 
-    def __check_init__(self):
-        """Refuse numbers out of their range; traced ones pass.
-
-        Raises:
-            ValueError: a concrete number is out of its range.
-        """
-        check_range(self)
-
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Median exp(log_sd z)."""
         return self.median * jnp.exp(self.log_sd * z)
@@ -106,7 +100,7 @@ class Uniform(AbstractSpread):
         low, high: the bounds.
     """
 
-    ranges: ClassVar[Range] = Range(finite=("low", "high"), ascending=("low", "high"))
+    ranges: ClassVar[Range] = Range(finite=("low", "high"))
     low: Parameter = parameter()
     high: Parameter = parameter()
 
@@ -114,9 +108,10 @@ class Uniform(AbstractSpread):
         """Refuse bounds that do not ascend; traced ones pass.
 
         Raises:
-            ValueError: a concrete number is out of its range.
+            ValueError: the upper bound is not above the lower one.
         """
-        check_range(self)
+        if not is_traced(self.low, self.high) and np.any(self.high <= self.low):
+            raise ValueError(f"Uniform: high = {self.high} is not above low = {self.low}")
 
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Low + (high − low) Φ(z)."""

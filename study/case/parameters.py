@@ -162,6 +162,12 @@ class WallParameters:
     ] = None  # fmt: skip
     tissue: TissueParameters = TissueParameters()
 
+    @property
+    def part_moduli(self) -> tuple[Number, Number, Number]:
+        """Young's moduli of aorta, coronary and septum."""
+        coronary, septum = (self.E if E is None else E for E in (self.E_coronary, self.E_septum))
+        return self.E, coronary, septum
+
 
 @dataclass(frozen=True)
 class ThicknessBounds:

@@ -164,4 +164,6 @@ def _as_case(fit: WallFit) -> Note:
         f" {float(found.coronary):.4g} and E_septum_dyn_per_cm2 = {float(found.septum):.4g} below"
         f" [wall], stiffness_dyn_per_cm3 = {float(found.support):.4g} below [tissue]"
     )
+    if "thickness" in fit.names:
+        keys += f"; and {float(found.thickness):.4g} times the thickness"
     return Note("info", f"The fitted wall as a case has it: {keys}.")

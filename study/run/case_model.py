@@ -95,12 +95,11 @@ def young_modulus(case: Case, mesh: Mesh) -> Parameter:
 
     The parts are those of `wall_regions`, along the axes of the first state.
     """
-    wall = case.wall
-    if wall.E_coronary is None and wall.E_septum is None:
-        return wall.E
-    of_region = np.full(len(WallRegion), float(wall.E))
-    of_region[WallRegion.CORONARY] = wall.E if wall.E_coronary is None else wall.E_coronary
-    of_region[WallRegion.SEPTUM] = wall.E if wall.E_septum is None else wall.E_septum
+    moduli = case.wall.part_moduli
+    if case.wall.E_coronary is None and case.wall.E_septum is None:
+        return case.wall.E
+    of_region = np.empty(len(WallRegion))
+    of_region[[WallRegion.AORTA, WallRegion.CORONARY, WallRegion.SEPTUM]] = moduli
     return jnp.asarray(of_region[wall_regions(mesh, case_anatomy(case))])
 
 

@@ -54,7 +54,7 @@ from lumped import (
 )
 from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
-from study.case.anatomy import IvusAnatomy, SyntheticAnatomy
+from study.case.anatomy import IvusAnatomy, SurfaceAnatomy, SyntheticAnatomy
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
@@ -114,11 +114,11 @@ def check_simulation(case: Case, condition: str, *, rigid: bool, dt: float | Non
 
 def _without_axis(case: Case) -> list[Fault]:
     """Moduli of parts of the wall that cannot be told apart."""
-    if isinstance(case.anatomy, IvusAnatomy | SyntheticAnatomy):
+    if isinstance(case.anatomy, IvusAnatomy | SurfaceAnatomy | SyntheticAnatomy):
         return []
     given = {name: getattr(case.wall, name) for name in ("E_coronary", "E_septum")}
     problem = "only an anatomy with an axis of the anomalous artery says where this part lies"
-    kinds, cure = "kind ivus or synthetic", "leave it out, or give such an anatomy"
+    kinds, cure = "kind ivus, synthetic or surface", "leave it out, or give such an anatomy"
     return [
         Fault(case.path, f"wall.{name}_dyn_per_cm2", value, problem, kinds, cure)
         for name, value in given.items()

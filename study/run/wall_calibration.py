@@ -218,9 +218,7 @@ def _bending(case: Case) -> Case:
 
 
 def _start(case: Case) -> WallStiffness:
-    wall = case.wall
-    coronary, septum = (wall.E if E is None else E for E in (wall.E_coronary, wall.E_septum))
-    return WallStiffness(wall.E, coronary, septum, wall.tissue.stiffness or SUPPORT)
+    return WallStiffness(*case.wall.part_moduli, case.wall.tissue.stiffness or SUPPORT)
 
 
 def _wall(

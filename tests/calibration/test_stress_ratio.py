@@ -65,6 +65,8 @@ def test_dilation_moves_all_resistances_of_the_bed_alike():
     for part in ("R_1", "R_2", "R_3"):
         expected = 0.8 * float(getattr(patient.rule, part))
         assert float(getattr(wide.rule, part)) == pytest.approx(expected)
+    for values in ({"dilation": 0.8, "stress_R_2": 0.4}, {"stress_R_2": 0.4, "dilation": 0.8}):
+        assert float(patient.with_values(values).rule.R_2) == pytest.approx(0.32)
     assert float(wide()) < float(patient())
     assert float(patient.with_values({"dilation": 1.0})()) == float(patient())
 

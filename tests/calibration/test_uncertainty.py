@@ -136,7 +136,7 @@ def test_bad_input():
         Normal(1.0, -0.1)
     with pytest.raises(ValueError, match="median"):
         LogNormal(0.0, 0.1)
-    with pytest.raises(ValueError, match="low"):
+    with pytest.raises(ValueError, match="not above low"):
         Uniform(2.0, 1.0)
     found = uncertainty(lambda x: x["a"], {"a": Normal(0.0, 1.0)}, n_samples=4)
     with pytest.raises(KeyError, match="take one of a"):

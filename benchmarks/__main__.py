@@ -21,6 +21,7 @@ BENCHMARKS = (
     "alpha",
     "vascular",
     "fits",
+    "coverage",
     "meshing",
     "verification",
     "wall",
@@ -28,7 +29,7 @@ BENCHMARKS = (
     "steps",
     "published",
 )
-LONG = ("sensitivity", "convergence", "wall_steps")
+LONG = ("sensitivity", "convergence", "wall_steps", "beats")
 """Run only where they are named: half an hour and more on two cores."""
 
 

@@ -3,8 +3,8 @@
 The elastic tube of 10 752 elements under a burst of pressure (it has no columns of wedges), and the
 bundled patient's coarse and medium meshes over the start of its beat at rest (α = 0.114, steps of
 about 2 ms, prestressed wall). The walls of a patient stand on the same nodes, those of a mesh with
-columns; linear elements are also timed on the mesh that they get when a user asks for them, which
-has no columns and more nodes.
+columns, which walls that bend get; linear elements are also timed on the mesh that they get, which
+has no columns and more nodes. That is the comparison of a user who changes `element` in a case.
 """
 
 import dataclasses
@@ -31,8 +31,9 @@ from study.run.setup import plan_steps, prepare_simulation
 _TUBE: tuple[WallElement, ...] = ("linear", "quadratic")
 _PATIENT: dict[str, tuple[WallElement, ...]] = {
     "coarse": ("linear", "bending", "quadratic"),
-    "medium": ("linear", "bending"),
+    "medium": ("linear", "bending", "quadratic"),
 }
+_OWN = "linear on its own mesh"
 _PATIENT_DT = 2e-3
 _ALPHA = 0.114
 _CURVE = SurrogateParameters(R0=580.0, K=1010.0, law="quadratic")
@@ -50,7 +51,7 @@ def run(rounds: int) -> dict[str, Any]:
         mesh = build_mesh(anatomy, preset=preset, wedge_layers=1).mesh
         starts: dict[str, tuple[Model, State]] = {e: _patient(case, mesh, e) for e in elements}
         own = build_mesh(anatomy, preset=preset).mesh
-        starts["linear on its own mesh"] = _patient(case, own, "linear")
+        starts[_OWN] = _patient(case, own, "linear")
         rows += _rows(f"patient, {preset}", dt, starts, rounds)
     return {
         "name": "wall_steps",
@@ -58,7 +59,8 @@ def run(rounds: int) -> dict[str, Any]:
         "notes": [
             f"{CHUNK} steps a call, each call from the end of the one before, tolerance 1e-3;"
             " iterations and systems a step.",
-            "ratio: of the least times of a step, and of the iterations, to linear elements.",
+            "ratio: of the least times of a step, and of the iterations, to linear elements on the"
+            " same nodes; for_user: to linear elements on the mesh that they get.",
         ],
     }
 
@@ -107,4 +109,9 @@ def _rows(
         row["ratio"] = row["min_s"] / first["min_s"]
         row["iteration_ratio"] = row["iterations"] / first["iterations"]
         rows.append(row)
+    if _OWN in starts:
+        own = rows[list(starts).index(_OWN)]
+        for row in rows:
+            row["ratio_for_user"] = row["min_s"] / own["min_s"]
+            row["iteration_ratio_for_user"] = row["iterations"] / own["iterations"]
     return rows

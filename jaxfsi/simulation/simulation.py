@@ -25,7 +25,7 @@ from jaxfsi.simulation.checkpoint import (
     save_checkpoint,
 )
 from jaxfsi.simulation.chunk import Chunk, advance_chunk
-from jaxfsi.simulation.collapse import Collapse, collapse
+from jaxfsi.simulation.collapse import Collapse, collapse, snapping
 from jaxfsi.simulation.observer import AbstractObserver
 from jaxfsi.simulation.record import StepHistory, empty_record, joined
 from jaxfsi.simulation.step_control import (
@@ -369,7 +369,7 @@ def _failure(event: dict[str, Any], model: Model, end: Chunk) -> StepFailure:
         return StepFailure(found.sentence, found)
     return StepFailure(
         f"Step {int(event['step']) + 1} failed at t = {event['t_s']:.6g} s, also with a step of"
-        f" {event['dt_s']:.3g} s. {event['cause']}",
+        f" {event['dt_s']:.3g} s. {event['cause']}{snapping(model, end.state)}",
         None,
     )
 

@@ -91,7 +91,7 @@ class WallParameters:
         Literal["bending", "linear", "quadratic"],
         Word(
             text="bending: wedges where the wall stands in columns; linear hardly bends;"
-            " quadratic takes far longer"
+            " quadratic takes three times as long"
         ),
     ] = "bending"
     prestress: Annotated[

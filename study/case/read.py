@@ -92,8 +92,11 @@ def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[
 
 
 def _mesh_options(values: Mapping[str, Any]) -> MeshOptions:
-    """Options of the mesh; a wall that bends stands in columns of at least one layer."""
+    """Options of the mesh; a wall that bends stands in columns of at least one layer.
+
+    One layer of quadratic tetrahedra bends as one of wedges does, so both get the same nodes.
+    """
     given = MeshOptions(**values["mesh"])
-    if values["wall"]["element"] != "bending":
+    if values["wall"]["element"] == "linear":
         return given
     return dataclasses.replace(given, wedge_layers=max(1, given.wedge_layers))

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxfsi.simulation.collapse import COLLAPSED, collapse
+from jaxfsi.simulation.collapse import COLLAPSED, collapse, snapping
 
 
 def _pressed(model, state, share):
@@ -40,3 +40,17 @@ def test_inverted_blood_kept_nothing(tube_model):
     found = collapse(model, _pressed(model, state, -0.2))
     assert found is not None
     assert found.volume_ratio == 0.0
+
+
+def test_wall_that_snaps_is_named_with_its_place(tube_model):
+    _, model, state = tube_model
+    nodes = np.flatnonzero(np.asarray(model.in_solid))
+    fast = state._replace(u=state.u.at[1, nodes[3]].set(-30.0))
+    said = snapping(model, fast)
+    at = ", ".join(f"{10.0 * x:.1f}" for x in np.asarray(model.x)[:, nodes[3]])
+    assert f"The wall moves at 30 cm/s at ({at}) mm" in said
+    assert "viscosity" in said
+    slow = state._replace(u=state.u.at[1, nodes[3]].set(-3.0))
+    assert snapping(model, slow) == ""
+    in_blood = np.flatnonzero(~np.asarray(model.in_solid))[0]
+    assert snapping(model, state._replace(u=state.u.at[1, in_blood].set(300.0))) == ""

@@ -302,11 +302,19 @@ def test_strange_value_is_read_or_refused(shelf, place, value, key):
     reads_or_refuses(write_case(shelf, "\n".join(lines)))
 
 
-@pytest.mark.parametrize(("asked", "layers"), [("", 1), ("wedge_layers = 2\n", 2)])
-def test_wall_that_bends_stands_in_columns(asked, layers, tmp_path):
+@pytest.mark.parametrize(
+    ("element", "asked", "layers"),
+    [
+        ("bending", "", 1),
+        ("bending", "wedge_layers = 2\n", 2),
+        ("quadratic", "", 1),
+        ("linear", "", 0),
+    ],
+)
+def test_wall_that_bends_stands_in_columns(element, asked, layers, tmp_path):
     file = tmp_path / "case.toml"
     file.write_text(
         '[patient]\nid = "a"\n[anatomy]\nkind = "synthetic"\n'
-        f'[wall]\nelement = "bending"\n[mesh]\n{asked}'
+        f'[wall]\nelement = "{element}"\n[mesh]\n{asked}'
     )
     assert read_case(file).mesh.wedge_layers == layers

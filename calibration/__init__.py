@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     )
     from calibration.lumen_record import LumenChange, LumenProfile, lumen_change, lumen_profile
     from calibration.optimum import Fit
+    from calibration.patient_inputs import MeasurementErrors, patient_inputs
     from calibration.profile import Profile, profile
     from calibration.ramp import PAPER_DROP, RampFit, RampRecord, fit_ramp, measured_slope
     from calibration.reduced_law import (
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
         ratio_response,
         through_calibration,
     )
+    from calibration.stress_evidence import StressEvidence, stress_evidence
     from calibration.stress_ratio import StressRatio
     from calibration.sweep import (
         Calibrations,
@@ -75,8 +77,10 @@ if TYPE_CHECKING:
     )
     from calibration.uncertainty import (
         AbstractSpread,
+        Evidence,
         LogNormal,
         Normal,
+        Truncated,
         Uncertainty,
         Uniform,
         standard_normals,

@@ -14,19 +14,23 @@ If an input were known c times as well, to first order about the samples::
 
     y(z with c z_i) = y(z) − (1 − c) g_i(z) z_i ≈ y(z) − (1 − c) g_i z_i
 
-Source: Smith 2013, Uncertainty Quantification, chapters 8 and 15; Owen 1998, ACM TOMACS 8:71.
+Evidence, a measured value m ± s of something that the same inputs predict as f(z), weighs the
+samples by exp(−(f(z) − m)²/2s²) (Bayes' rule); they are drawn again by their weights.
+
+Source: Smith 2013, Uncertainty Quantification, chapters 8 and 15; Owen 1998, ACM TOMACS 8:71;
+Douc & Cappé 2005, Comparison of resampling schemes (systematic resampling).
 """
 
 import abc
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.stats import norm
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 from scipy.special import ndtri
 from scipy.stats import qmc
 
@@ -35,6 +39,12 @@ from lumped.parameters import Parameter, Range, check_range, is_traced, paramete
 
 MOST_FAILED = 0.01
 """Share of the samples that may have no value."""
+
+LEAST_EFFECTIVE = 30.0
+"""Samples of equal weight that must be left with evidence."""
+
+FARTHEST = 3.0
+"""Standard deviations by which the nearest sample may miss the evidence."""
 
 _EDGE = 1e-12
 """Least distance of a uniform number from 0 and 1."""
@@ -110,12 +120,62 @@ class Uniform(AbstractSpread):
         Raises:
             ValueError: the upper bound is not above the lower one.
         """
-        if not is_traced(self.low, self.high) and np.any(self.high <= self.low):
-            raise ValueError(f"Uniform: high = {self.high} is not above low = {self.low}")
+        _check_bounds(self)
 
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Low + (high − low) Φ(z)."""
         return self.low + (self.high - self.low) * norm.cdf(z)
+
+
+class Truncated(AbstractSpread):
+    """A normal distribution between two bounds, what lies outside cut off.
+
+    Attributes:
+        mean: of the whole distribution.
+        sd: likewise.
+        low, high: the bounds.
+    """
+
+    ranges: ClassVar[Range] = Range(finite=("mean", "low", "high"), above=("sd",))
+    mean: Parameter = parameter()
+    sd: Parameter = parameter()
+    low: Parameter = parameter()
+    high: Parameter = parameter()
+
+    def __check_init__(self):
+        """Refuse bounds that do not ascend; traced ones pass.
+
+        Raises:
+            ValueError: the upper bound is not above the lower one.
+        """
+        _check_bounds(self)
+
+    def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
+        """Mean + sd Φ⁻¹(Φ(a) + Φ(z) (Φ(b) − Φ(a))) with the bounds a, b in standard deviations."""
+        a, b = (norm.cdf((bound - self.mean) / self.sd) for bound in (self.low, self.high))
+        inside = norm.ppf(jnp.clip(a + norm.cdf(z) * (b - a), _EDGE, 1.0 - _EDGE))
+        return jnp.clip(self.mean + self.sd * inside, self.low, self.high)
+
+
+def _check_bounds(spread: Uniform | Truncated) -> None:
+    low, high = spread.low, spread.high
+    check_range(spread)
+    if not is_traced(low, high) and np.any(high <= low):
+        raise ValueError(f"{type(spread).__name__}: high = {high} is not above low = {low}")
+
+
+class Evidence(NamedTuple):
+    """A measured value of something that the inputs predict.
+
+    Attributes:
+        predicted: gives it from a value of each input by name, as the scalar is given.
+        value: what was measured.
+        sd: its standard deviation.
+    """
+
+    predicted: Callable[[dict[str, Array]], Float[Array, ""]]
+    value: float
+    sd: float
 
 
 class Uncertainty(eqx.Module):
@@ -123,10 +183,12 @@ class Uncertainty(eqx.Module):
 
     Attributes:
         nominal: value where all inputs have their medians.
-        slopes: change of the scalar by one standard deviation of each input, to first order.
+        slopes: change of the scalar by one standard deviation of each input, to first order; with
+            evidence, by the one that is left.
         z: samples of the inputs as standard normal numbers, in the order of `slopes`.
         samples: values of the scalar there, those without one left out.
         n_failed: samples without a value.
+        n_effective: samples of equal weight that say as much as those with evidence.
     """
 
     nominal: float
@@ -134,6 +196,12 @@ class Uncertainty(eqx.Module):
     z: Float[np.ndarray, "samples inputs"]
     samples: Float[np.ndarray, " samples"]
     n_failed: int
+    n_effective: float
+
+    @property
+    def median(self) -> float:
+        """Median of the samples."""
+        return float(np.median(self.samples))
 
     @property
     def sd(self) -> float:
@@ -194,6 +262,7 @@ def uncertainty(
     scalar: Callable[[dict[str, Array]], Float[Array, ""]],
     inputs: Mapping[str, AbstractSpread],
     *,
+    evidence: Sequence[Evidence] = (),
     n_samples: int = 2**12,
     batch_size: int = BATCH,
     seed: int = 0,
@@ -203,27 +272,28 @@ def uncertainty(
     Args:
         scalar: gives it from a value of each input by name; jittable and differentiable, NaN where
             there is none.
-        inputs: distribution of each input.
+        inputs: distribution of each input, before the evidence.
+        evidence: what was measured besides.
         n_samples: samples, rounded up to a power of two.
         batch_size: samples evaluated at once.
         seed: of the scrambling.
 
     Raises:
-        ValueError: no input, or less than two samples.
-        RuntimeError: the scalar has no value or derivative at the medians, or lacks one in more
-            than `MOST_FAILED` of the samples.
+        ValueError: no input, less than two samples, or evidence without a standard deviation.
+        RuntimeError: the scalar has no value or derivative at the medians, lacks one in more than
+            `MOST_FAILED` of the samples, or hardly any sample agrees with the evidence.
     """
     if not inputs:
         raise ValueError("nothing is uncertain: give at least one input")
     if n_samples < 2:
         raise ValueError(f"n_samples = {n_samples!r}: at least 2 are needed")
-    names, spreads = tuple(inputs), tuple(inputs.values())
-
-    def of(z: Float[Array, " inputs"], spreads: Any) -> Float[Array, ""]:
-        return scalar({n: s.value(v) for n, s, v in zip(names, spreads, z, strict=True)})
-
-    middle = jnp.zeros(len(names))
-    nominal, slopes = eqx.filter_jit(jax.value_and_grad(of))(middle, spreads)
+    if any(not e.sd > 0.0 for e in evidence):
+        raise ValueError("each piece of evidence needs a standard deviation above 0")
+    names = tuple(inputs)
+    spreads, functions = _traced(
+        (tuple(inputs.values()), (scalar, *(e.predicted for e in evidence)))
+    )
+    nominal, slopes = _sloped(jnp.zeros(len(names)), names, spreads, functions[0])
     slopes = np.asarray(slopes)
     if not (np.isfinite(float(nominal)) and np.all(np.isfinite(slopes))):
         missing = [n for n, g in zip(names, slopes, strict=True) if not np.isfinite(g)]
@@ -232,21 +302,70 @@ def uncertainty(
             f" derivative by {', '.join(missing) or 'none'}. Check those inputs."
         )
     z = standard_normals(n_samples, len(names), seed)
-
-    @eqx.filter_jit
-    def evaluated(z: Float[Array, "samples inputs"], spreads: Any) -> Float[Array, " samples"]:
-        return jax.lax.map(lambda row: of(row, spreads), z, batch_size=batch_size)
-
-    values = np.asarray(evaluated(jnp.asarray(z), spreads))
-    good = np.isfinite(values)
+    found = _evaluated(jnp.asarray(z), names, spreads, functions, batch_size)
+    values, *predicted = (np.asarray(v) for v in found)
+    good = np.isfinite(values) & np.all([np.isfinite(p) for p in (values, *predicted)], axis=0)
     n_failed = int(np.sum(~good))
     if n_failed > MOST_FAILED * len(values):
         raise RuntimeError(
             f"the scalar has no value in {n_failed} of {len(values)} samples. Narrow the inputs to"
             " what can be: see which samples fail with `standard_normals`."
         )
+    z, values = z[good], values[good]
+    n_effective = float(len(values))
+    if evidence:
+        chosen, n_effective = _drawn_again([p[good] for p in predicted], evidence, seed)
+        slopes = slopes * np.std(z[chosen], axis=0) / np.std(z, axis=0)
+        z, values = z[chosen], values[chosen]
     by_name = dict(zip(names, slopes.tolist(), strict=True))
-    return Uncertainty(float(nominal), by_name, z[good], values[good], n_failed)
+    return Uncertainty(float(nominal), by_name, z, values, n_failed, n_effective)
+
+
+def _traced(tree: Any) -> Any:
+    """The same with arrays for plain numbers, so that other numbers are not compiled anew."""
+    return jax.tree.map(lambda a: jnp.asarray(a) if eqx.is_inexact_array_like(a) else a, tree)
+
+
+def _inputs(
+    z: Float[Array, " inputs"], names: tuple[str, ...], spreads: tuple[AbstractSpread, ...]
+) -> dict[str, Array]:
+    return {n: s.value(v) for n, s, v in zip(names, spreads, z, strict=True)}
+
+
+@eqx.filter_jit
+def _sloped(z, names, spreads, scalar) -> tuple[Array, Array]:
+    return jax.value_and_grad(lambda z: scalar(_inputs(z, names, spreads)))(z)
+
+
+@eqx.filter_jit
+def _evaluated(z, names, spreads, functions, batch_size: int) -> tuple[Array, ...]:
+    """Every function at each sample."""
+
+    def row(z: Float[Array, " inputs"]) -> tuple[Array, ...]:
+        x = _inputs(z, names, spreads)
+        return tuple(function(x) for function in functions)
+
+    return jax.lax.map(row, z, batch_size=batch_size)
+
+
+def _drawn_again(
+    predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence], seed: int
+) -> tuple[Int[np.ndarray, " samples"], float]:
+    """Samples drawn by their weights, and how many of equal weight say as much."""
+    misfit = sum(((p - e.value) / e.sd) ** 2 for p, e in zip(predicted, evidence, strict=True))
+    weights = np.exp(-0.5 * (misfit - np.min(misfit)))
+    weights = weights / np.sum(weights)
+    n_effective = float(1.0 / np.sum(weights**2))
+    farthest = float(np.sqrt(np.min(misfit)))
+    if n_effective < LEAST_EFFECTIVE or farthest > FARTHEST:
+        raise RuntimeError(
+            f"the evidence and the inputs contradict each other: the nearest sample is"
+            f" {farthest:.1f} standard deviations away, and {n_effective:.0f} carry the weight."
+            " Check the measured values, widen the inputs, or take more samples."
+        )
+    n = len(weights)
+    places = (np.arange(n) + np.random.default_rng(seed).uniform()) / n
+    return np.minimum(np.searchsorted(np.cumsum(weights), places), n - 1), n_effective
 
 
 def standard_normals(n: int, n_inputs: int, seed: int = 0) -> Float[np.ndarray, "samples inputs"]:

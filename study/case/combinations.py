@@ -34,6 +34,7 @@ def check_case(values: Mapping[str, Any], document: Mapping[str, Any], context: 
         context: where faults are collected.
     """
     _check_venous(values, document, context)
+    _check_uncertainty(values, context)
     rest, artery = values["condition"].get("rest"), values.get("surrogate") or {}
     if rest is None or artery.get("R0") is None:
         return
@@ -150,3 +151,25 @@ def _check_means(values: Mapping[str, Any], heading: str, context: Context) -> N
             cure = f"is this kPa? then write {mean * kPa:.4g}"
         allowed = f"{least:.4g} to {1.05 * high:.4g} mmHg"
         context.add(f"{heading}.{name}_mmHg", mean, problem, cure, allowed)
+
+
+def _check_uncertainty(values: Mapping[str, Any], context: Context) -> None:
+    """Refuse a range of venous pressures that is none, and a flow reserve at rest."""
+    known = values.get("uncertainty") or {}
+    low, high = known.get("P_venous_low"), known.get("P_venous_high")
+    if low is not None and high is not None and not low < high:
+        context.add(
+            "uncertainty.P_venous_high_mmHg",
+            high / MMHG,
+            f"the largest venous pressure is not above the least one, {low / MMHG:g} mmHg",
+            "give P_venous_low_mmHg and P_venous_high_mmHg in ascending order",
+            f"above {low / MMHG:g}",
+        )
+    rest = values["condition"].get("rest") or {}
+    if rest.get("flow_reserve") is not None:
+        context.add(
+            "condition.rest.flow_reserve",
+            rest["flow_reserve"],
+            "a flow reserve is measured under stress",
+            "move it to the condition under stress in which it was measured",
+        )

@@ -1,6 +1,6 @@
 """A haemodynamic condition of a case, and what it shares with one of a record."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic.dataclasses import dataclass
 
@@ -34,6 +34,7 @@ class Condition:
     others, under any name, are stress.
     """
 
+    added_later: ClassVar[frozenset[str]] = frozenset({"flow_reserve", "flow_reserve_sd"})
     name: str
     kind: Annotated[
         Literal["rest", "stress"],
@@ -63,6 +64,20 @@ class Condition:
         Number | None,
         Quantity(
             "ratio", "", 0.0, 0.3, exclusive=True, text="standard deviation of ffr", example=0.01
+        ),
+    ] = None  # fmt: skip
+    flow_reserve: Annotated[
+        Number | None,
+        Quantity(
+            "ratio", "", 0.3, 8.0, example=2.2,
+            text="under stress: measured mean flow in the artery over that at rest",
+        ),
+    ] = None  # fmt: skip
+    flow_reserve_sd: Annotated[
+        Number | None,
+        Quantity(
+            "ratio", "", 0.0, 3.0, exclusive=True, text="its sd; 15 % of it if not given",
+            example=0.3,
         ),
     ] = None  # fmt: skip
     waveform: Annotated[

@@ -19,6 +19,7 @@ from study.case.parameters import (
     WallParameters,
     WindkesselParameters,
 )
+from study.case.uncertainty import UncertaintyParameters
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Case:
         stress: how the outlet changes under stress.
         windkessel: behind the aorta.
         mesh: how the anatomy is meshed.
+        uncertainty: how well the numbers are known.
         notes: remarks, by table.
     """
 
@@ -55,6 +57,7 @@ class Case:
     stress: StressParameters = StressParameters()
     windkessel: WindkesselParameters = WindkesselParameters()
     mesh: MeshOptions = MeshOptions()
+    uncertainty: UncertaintyParameters = UncertaintyParameters()
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
 
 

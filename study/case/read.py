@@ -28,6 +28,7 @@ from study.case.schema import FREE_TEXT
 from study.case.table_reader import Context
 from study.case.tables import key_homes, read_tables
 from study.case.toml_file import read_document
+from study.case.uncertainty import UncertaintyParameters
 
 
 def read_case(path: str | os.PathLike[str]) -> Case:
@@ -87,6 +88,7 @@ def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[
         stress=StressParameters(**values["stress"]),
         windkessel=WindkesselParameters(**values["windkessel"]),
         mesh=_mesh_options(values),
+        uncertainty=UncertaintyParameters(**values["uncertainty"]),
         notes=texts["notes"],
     )
 

@@ -64,7 +64,7 @@ UNITS: dict[str, dict[str, float]] = {
         "mmHg_s_per_mm": MMHG / MM,
     },
     "ratio": {"": 1.0, "percent": 0.01},
-    "number": {"": 1.0},
+    "number": {"": 1.0, "years": 1.0},
 }  # fmt: skip
 """Units of each dimension and their factors to CGS; angles go to radians."""
 

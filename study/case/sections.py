@@ -23,6 +23,7 @@ from study.case.parameters import (
 )
 from study.case.recorded import NoiseParameters, Recorded
 from study.case.schema import Key, keys_of
+from study.case.uncertainty import UncertaintyParameters
 
 CONDITION_SLOT = "condition.NAME"
 
@@ -64,6 +65,7 @@ CASE = (
     _section("windkessel", WindkesselParameters),
     _section("mesh", MeshOptions),
     _section("solver", SolverOptions),
+    _section("uncertainty", UncertaintyParameters),
 )
 """Tables of a case file."""
 

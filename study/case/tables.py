@@ -30,6 +30,7 @@ from study.case.parameters import (
 )
 from study.case.schema import FREE_TEXT, Key, Quantity, Value, keys_of, spellings
 from study.case.table_reader import Context, check_order, read_free_texts, read_table
+from study.case.uncertainty import UncertaintyParameters
 
 PLAIN: dict[str, type] = {
     "patient": PatientParameters,
@@ -40,6 +41,7 @@ PLAIN: dict[str, type] = {
     "windkessel": WindkesselParameters,
     "mesh": MeshOptions,
     "solver": SolverOptions,
+    "uncertainty": UncertaintyParameters,
 }
 """Class of each table without sub-tables or words that exclude each other."""
 

@@ -86,6 +86,9 @@ def parse(argv: Sequence[str]) -> Request[Options]:
     parsers["run"].add_argument(
         "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
     )
+    parsers["run"].add_argument(
+        "--uncertainty", action="store_true", help="give each FFR an interval, with its causes"
+    )
     _record_arguments(parsers)
     parsers["template"].add_argument(
         "--record", action="store_true", help="a measured record, with an example of its traces"

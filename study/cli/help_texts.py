@@ -26,6 +26,7 @@ HELP = {
 examples:
   jaxfsi run case.toml
   jaxfsi run --demo --out results
+  jaxfsi run case.toml --uncertainty        each FFR with an interval and its causes
   jaxfsi run case.toml --json > summary.json
 
 writes result.json and report.html into the output folder. --mesh adds a coarse mesh of the first

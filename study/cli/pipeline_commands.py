@@ -41,7 +41,7 @@ def run_command(request: Request[RunOptions], case: Case, folder: pathlib.Path) 
         meshing = options.demo if options.mesh is None else options.mesh
         if meshing:
             progress.plan_last(planned_steps(coarse(case), states_of(case)[:1]))
-        result = run_case(case, progress=progress)
+        result = run_case(case, intervals=options.uncertainty, progress=progress)
         meshes, part = coarse_mesh(case, progress) if meshing else ({}, None)
         progress.step("writing the report")
         document = as_json(case_document(result, origin, part))

@@ -284,6 +284,8 @@ NAMES = {
     "rest_period": "cycle length at rest",
     "P_venous": "venous pressure",
     "im_factor": "intramyocardial factor",
+    "bed_factor": "dilation of the bed under stress",
+    "stress_loss": "narrowing of the artery under stress",
 }
 """What a parameter is called in the report."""
 

@@ -38,6 +38,7 @@ from study.report.remarks import (
     stress_readings,
     verdict,
 )
+from study.report.uncertainty_part import uncertainty_parts
 from study.run.patient import ContouredArtery, Patient
 from study.run.reduced_results import Calibration, CaseResult, Run, Tuning
 from study.store.document_rows import ratio_name
@@ -80,6 +81,11 @@ def case_document(
         provenance=provenance,
         waveforms=[_waveform(run) for run in result.runs],
         mesh=mesh,
+        uncertainty=(
+            ABSENT
+            if result.uncertainty is None
+            else uncertainty_parts(result.uncertainty, patient.case.surrogate.law)
+        ),
     )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.report.number_formats import signed
+from study.report.uncertainty_words import uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
 Document = Mapping[str, Any]
@@ -66,6 +67,9 @@ def _next(document: Document) -> Iterator[str]:
 def _run(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield ""
+    if document.get("uncertainty"):
+        yield uncertainty_words(document["uncertainty"])
+        yield ""
     yield document["verdict"]
     yield from _small_print(document)
     yield ""

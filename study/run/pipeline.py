@@ -10,6 +10,7 @@ from diagnosis import ratio_gap
 from study.case.model import Case, require
 from study.run.patient import Patient, ReducedModel, load_patient
 from study.run.progress import Progress
+from study.run.ratio_uncertainty import uncertain_ratios
 from study.run.reduced_results import Calibration, CaseResult, RatioCurve, Run
 from study.run.tuning import (
     alpha_curve,
@@ -22,11 +23,14 @@ from study.run.tuning import (
 from study.store.result_names import CALIBRATED, FIXED
 
 
-def run_case(case: Case, *, progress: Progress | None = None) -> CaseResult:
+def run_case(
+    case: Case, *, intervals: bool = False, progress: Progress | None = None
+) -> CaseResult:
     """Calibrate a patient at rest and predict every condition under every reading.
 
     Args:
         case: the case.
+        intervals: whether each FFR gets an interval.
         progress: told of each step.
 
     Raises:
@@ -37,6 +41,8 @@ def run_case(case: Case, *, progress: Progress | None = None) -> CaseResult:
     progress = progress or Progress()
     patient = load_patient(case)
     later = {f"predicting, {law} law": 1.0 for law in patient.models} | {"writing the report": 3.0}
+    if intervals:
+        later |= {f"uncertainty, {name}": 8.0 for name in patient.stresses}
     progress.plan({"reading": 1.0, **calibration_steps(patient), **later})
     calibrations, failures = calibrate_patient(patient, progress)
     alphas = [fit.alpha for fit in calibrations.values()]
@@ -48,7 +54,11 @@ def run_case(case: Case, *, progress: Progress | None = None) -> CaseResult:
         model = patient.models[law]
         runs += _runs(patient, model, fit)
         curves[law] = alpha_curve(patient, model, low, high)
-    return CaseResult(patient, calibrations, curves, runs, failures)
+    uncertain = None
+    if intervals:
+        rest_sd = ratio_error(case.conditions["rest"])
+        uncertain = uncertain_ratios(patient, rest_sd, progress)
+    return CaseResult(patient, calibrations, curves, runs, failures, uncertain)
 
 
 def _runs(patient: Patient, model: ReducedModel, fit: Calibration) -> Iterator[Run]:

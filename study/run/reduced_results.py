@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from calibration import StressEvidence, Uncertainty
 from diagnosis import RatioGap
 from lumped import ML_PER_MIN, MMHG
 from study.run.patient import Patient
@@ -121,6 +122,24 @@ class Run:
         return (self.mean_P_aorta - self.mean_P_distal) / MMHG
 
 
+class UncertainRatio(NamedTuple):
+    """FFR of a condition with its uncertainty.
+
+    Attributes:
+        condition: its name.
+        found: the uncertainty.
+        evidence: what the response to stress is taken from.
+        bed_factors: of the stress rules, by name, on the scale of the evidence.
+        flow_reserve: measured one with its standard deviation; None where there is none.
+    """
+
+    condition: str
+    found: Uncertainty
+    evidence: StressEvidence
+    bed_factors: dict[str, float]
+    flow_reserve: tuple[float, float] | None
+
+
 @dataclasses.dataclass(frozen=True)
 class CaseResult:
     """All that the pipeline found for a patient.
@@ -131,6 +150,7 @@ class CaseResult:
         curves: resting ratio over α, by law.
         runs: every condition, law, rule and boundary condition; own law and rule first.
         failures: laws other than the case's own that could not be calibrated, with the reason.
+        uncertainty: FFR with its interval, of each condition under stress; None: not asked for.
     """
 
     patient: Patient
@@ -138,6 +158,7 @@ class CaseResult:
     curves: dict[str, RatioCurve]
     runs: list[Run]
     failures: dict[str, str]
+    uncertainty: list[UncertainRatio] | None = None
 
     def run(
         self,

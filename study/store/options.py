@@ -115,9 +115,11 @@ class RunOptions(CaseOptions):
 
     Attributes:
         mesh: whether a coarse mesh is made as well; None: for the bundled case alone.
+        uncertainty: whether each FFR gets an interval.
     """
 
     mesh: bool | None = None
+    uncertainty: bool = False
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -6,6 +6,7 @@ import pytest
 from scipy.stats import norm
 
 from calibration import (
+    Evidence,
     LogNormal,
     Normal,
     Uniform,
@@ -147,3 +148,38 @@ def test_bad_input():
         found.interval(1.0)
     with pytest.raises(ValueError, match="n_samples"):
         uncertainty(lambda x: x["a"], {"a": Normal(0.0, 1.0)}, n_samples=1)
+
+
+def test_evidence_is_bayes_rule_of_normals():
+    inputs = {"a": Normal(1.0, 0.3), "b": Normal(2.0, 0.4)}
+    seen = Evidence(lambda x: x["a"] + x["b"], 3.4, 0.25)
+    found = uncertainty(lambda x: x["a"] - x["b"], inputs, evidence=[seen], n_samples=2**14)
+    # of jointly normal y = a − b and m = a + b
+    gain = (0.3**2 - 0.4**2) / (0.3**2 + 0.4**2 + 0.25**2)
+    mean = -1.0 + gain * 0.4
+    sd = np.sqrt(0.3**2 + 0.4**2 - gain * (0.3**2 - 0.4**2))
+    # some 10^4 samples of equal weight
+    assert found.n_effective > 5000
+    assert np.mean(found.samples) == pytest.approx(mean, abs=0.01)
+    assert found.sd == pytest.approx(sd, rel=0.02)
+    assert found.interval() == pytest.approx((mean - Z90 * sd, mean + Z90 * sd), abs=0.03)
+    # each input is known better by its own share of the sum's variance
+    left = np.sqrt(1.0 - 0.3**2 / (0.3**2 + 0.4**2 + 0.25**2))
+    assert found.slopes["a"] == pytest.approx(0.3 * left, rel=0.02)
+
+
+def test_evidence_that_nothing_agrees_with_is_refused():
+    inputs = {"a": Normal(1.0, 0.1)}
+    with pytest.raises(RuntimeError, match="contradict each other: the nearest sample is"):
+        uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x: x["a"], 9.0, 0.1)])
+    with pytest.raises(ValueError, match="standard deviation above 0"):
+        uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x: x["a"], 1.0, 0.0)])
+
+
+def test_widths_follow_the_noise_of_the_measurement():
+    def half(sd):
+        found = uncertainty(lambda x: x["a"] ** 2, {"a": Normal(3.0, sd)}, n_samples=2**12)
+        return found.linear_sd
+
+    # d/d sd of 2·3·sd, by central differences of a linear function
+    assert (half(0.11) - half(0.09)) / 0.02 == pytest.approx(6.0)

@@ -3,6 +3,7 @@
 import dataclasses
 
 from study.report.documents.parts import AlphaCurve, Headline, Note
+from study.report.documents.uncertainty import UncertainFFR
 from study.store.json_form import ABSENT, Absent
 from study.store.mesh_parts import MeshFailure, MeshPart
 from study.store.provenance import Provenance
@@ -351,6 +352,8 @@ class RunDocument:
         waveforms: waves of each run over a beat.
         mesh: a coarse mesh of the first state, or why it could not be made; None where it was not
             asked for.
+        uncertainty: FFR of each condition under stress with an interval; absent without
+            `--uncertainty`.
     """
 
     format: str
@@ -378,3 +381,4 @@ class RunDocument:
     provenance: Provenance
     waveforms: list[RunWaveform]
     mesh: MeshPart | MeshFailure | Absent | None = ABSENT
+    uncertainty: list[UncertainFFR] | Absent = ABSENT

@@ -304,3 +304,20 @@ def test_template_is_printed_and_can_be_written_once(command, tmp_path):
     assert command("template", folder=tmp_path / "new").status == 0
     assert (tmp_path / "new/case.toml").read_text() == printed.stdout
     assert command("template", folder=tmp_path / "new").status == 2
+
+
+def test_run_gives_each_ffr_an_interval_where_asked(case_file, command, tmp_path):
+    outcome = command("run", case_file, "--uncertainty", folder=tmp_path / "out")
+    assert outcome.status == 0, outcome.stderr
+    assert "With all that is uncertain: FFR" in outcome.stdout
+    (entry,) = outcome.written()["uncertainty"]
+    low, high = entry["interval_90"]
+    assert low < entry["median"] < high
+    assert sum(cause["share"] for cause in entry["causes"]) == pytest.approx(1.0)
+    page = (tmp_path / "out/report.html").read_text(encoding="utf-8")
+    assert "What would help most under exercise" in page
+    assert f"{entry['median']:.2f} [{low:.2f}, {high:.2f}] under exercise" in page
+
+
+def test_run_gives_none_where_not_asked(small_result):
+    assert "uncertainty" not in small_result

@@ -1,0 +1,76 @@
+"""How well each number of a patient is known before FFR is predicted.
+
+| number | spread | why |
+|---|---|---|
+| resting ratio | its sd, cut off at 1 | drift ± 2 mmHg: Cook et al. 2016, Circ. CI 9:e002988 |
+| pressures | 3 mmHg | fluid-filled catheters, pull-back of the zero line |
+| period | 2 % | beat-to-beat variation within a recording |
+| losses R0, K | 30 % | 0.1 mm of a minor axis of 1.3 mm, to the third power, and the mesh |
+| LV pressure on the bed | 30 % | 1.5 left, 0.5 right: Kim et al. 2010; 1 in the paper |
+| venous pressure | 3 to 12 mmHg | right atrium 5 to 9, outflow ends at 10 to 14: Chilian & Marcus |
+| | | 1984, AJP 247:H984; 0 in the paper |
+| bed and slit under stress | | `calibration.stress_evidence` |
+
+α is tuned to the resting ratio in each sample, so that what R0 and the venous pressure do is mostly
+taken back.
+"""
+
+import equinox as eqx
+
+from calibration.stress_evidence import StressEvidence
+from calibration.stress_ratio import BED_FACTOR, REST_PREFIX, STRESS_LOSS, StressRatio
+from calibration.uncertainty import AbstractSpread, LogNormal, Normal, Truncated, Uniform
+from lumped.units import MMHG
+
+HIGHEST_RATIO = 0.999
+"""A resting ratio of 1 has no α."""
+
+
+class MeasurementErrors(eqx.Module):
+    """Standard deviations of what is measured of a patient.
+
+    Attributes:
+        rest_ratio: of the resting ratio [-].
+        pressure: of each systolic and diastolic pressure [dyn/cm²].
+        period: of the period, relative [-].
+        loss: of log R0 and log K [-].
+        im_factor: of the logarithm of the share of the ventricle's pressure in the muscle [-].
+        P_venous: least and largest venous pressure [dyn/cm²].
+    """
+
+    rest_ratio: float = 0.014
+    pressure: float = 3.0 * MMHG
+    period: float = 0.02
+    loss: float = 0.3
+    im_factor: float = 0.3
+    P_venous: tuple[float, float] = (3.0 * MMHG, 12.0 * MMHG)
+
+
+def patient_inputs(
+    patient: StressRatio, evidence: StressEvidence, errors: MeasurementErrors | None = None
+) -> dict[str, AbstractSpread]:
+    """Distribution of each number of a patient, for `uncertainty` of `patient.ffr`.
+
+    Args:
+        patient: the patient; what was measured is the middle of each distribution.
+        evidence: what stress does.
+        errors: of the measurements; None: the usual ones.
+    """
+    errors = errors or MeasurementErrors()
+    now, artery = patient.values, patient.surrogate
+    inputs: dict[str, AbstractSpread] = {
+        "rest_ratio": Truncated(now["rest_ratio"], errors.rest_ratio, 0.0, HIGHEST_RATIO),
+        BED_FACTOR: evidence.bed_factor,
+        STRESS_LOSS: evidence.stress_loss,
+        "R0": LogNormal(artery.R0, errors.loss),
+        "im_factor": LogNormal(artery.coronary.im_factor, errors.im_factor),
+        "P_venous": Uniform(*errors.P_venous),
+    }
+    if artery.K is not None:
+        inputs["K"] = LogNormal(artery.K, errors.loss)
+    for prefix in ("", REST_PREFIX):
+        for name in ("P_systolic", "P_diastolic"):
+            inputs[prefix + name] = Normal(now[prefix + name], errors.pressure)
+        name = f"{prefix}period"
+        inputs[name] = LogNormal(now[name], errors.period)
+    return inputs

@@ -1,0 +1,64 @@
+"""The table [uncertainty] of a case: how well its numbers are known.
+
+Each default has its source in `calibration.patient_inputs`, and in `calibration.stress_evidence`
+where the response to stress is not given.
+"""
+
+from typing import Annotated
+
+from pydantic.dataclasses import dataclass
+
+from lumped.units import MMHG
+from study.case.schema import Number, Quantity
+
+
+@dataclass(frozen=True)
+class UncertaintyParameters:
+    """How well the numbers of a case are known; `jaxfsi run --uncertainty` uses it.
+
+    Without bed_factor the response of the bed to stress follows from flow reserves in the
+    literature, by the age of the patient and by the drug, which the name of the condition says:
+    adenosine, dobutamine, or any other. So does stress_loss.
+    """
+
+    age: Annotated[
+        Number | None,
+        Quantity("number", "years", 0.0, 110.0, text="age of the patient", example=14.0),
+    ] = None
+    pressure_sd: Annotated[
+        Number,
+        Quantity("pressure", "mmHg", 0.0, 30.0, text="sd of each aortic pressure"),
+    ] = 3.0 * MMHG
+    period_sd: Annotated[
+        Number, Quantity("ratio", "", 0.0, 0.3, text="sd of the period, relative")
+    ] = 0.02
+    loss_sd: Annotated[Number, Quantity("ratio", "", 0.0, 1.5, text="sd of log R0 and log K")] = 0.3
+    im_factor_sd: Annotated[
+        Number, Quantity("ratio", "", 0.0, 1.5, text="sd of the logarithm of im_factor")
+    ] = 0.3
+    P_venous_low: Annotated[
+        Number, Quantity("pressure", "mmHg", 0.0, 30.0, text="least venous pressure")
+    ] = 3.0 * MMHG
+    P_venous_high: Annotated[
+        Number, Quantity("pressure", "mmHg", 0.1, 40.0, text="largest venous pressure")
+    ] = 12.0 * MMHG
+    bed_factor: Annotated[
+        Number | None,
+        Quantity(
+            "ratio", "", 0.05, 2.0, text="resistance of the bed under stress over that at rest",
+            example=0.45,
+        ),
+    ] = None  # fmt: skip
+    bed_factor_sd: Annotated[
+        Number, Quantity("ratio", "", 0.0, 1.5, text="sd of its logarithm, where it is given")
+    ] = 0.3
+    stress_loss: Annotated[
+        Number | None,
+        Quantity(
+            "ratio", "", 0.2, 10.0, text="losses of the artery under stress over those at rest",
+            example=1.2,
+        ),
+    ] = None  # fmt: skip
+    stress_loss_sd: Annotated[
+        Number, Quantity("ratio", "", 0.0, 1.5, text="sd of its logarithm, where it is given")
+    ] = 0.2

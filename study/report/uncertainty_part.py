@@ -1,0 +1,47 @@
+"""What a document holds of the uncertainty of FFR."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from study.report.documents.uncertainty import UncertainFFR, UncertaintyCause
+from study.run.limits import FFR_THRESHOLD
+from study.run.reduced_results import UncertainRatio
+from study.store.json_form import ABSENT
+
+_QUANTILES = np.linspace(0.005, 0.995, 41)
+_Z90 = 1.6448536
+
+
+def uncertainty_parts(found: Sequence[UncertainRatio], law: str) -> list[UncertainFFR]:
+    """Entries of the document, one a condition."""
+    return [_part(one, law) for one in found]
+
+
+def _part(one: UncertainRatio, law: str) -> UncertainFFR:
+    ffr, bed = one.found, one.evidence.bed_factor
+    median, spread = float(bed.median), float(np.exp(_Z90 * float(bed.log_sd)))
+    reserve, reserve_sd = one.flow_reserve or (ABSENT, ABSENT)
+    causes = [
+        UncertaintyCause(name, share, ffr.slopes[name], list(ffr.known_better(name)))
+        for name, share in ffr.shares.items()
+    ]
+    return UncertainFFR(
+        condition=one.condition,
+        law=law,
+        median=ffr.median,
+        interval_90=list(ffr.interval()),
+        sd=ffr.sd,
+        chance_at_or_below_threshold=ffr.chance(FFR_THRESHOLD),
+        quantiles=np.quantile(ffr.samples, _QUANTILES).tolist(),
+        n_samples=len(ffr.samples),
+        n_effective=ffr.n_effective,
+        causes=causes,
+        bed_factor=median,
+        bed_factor_90=[median / spread, median * spread],
+        bed_factor_source=one.evidence.source,
+        rule_bed_factors=one.bed_factors,
+        stress_loss=float(one.evidence.stress_loss.median),
+        flow_reserve=reserve,
+        flow_reserve_sd=reserve_sd,
+    )

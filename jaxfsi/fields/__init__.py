@@ -7,6 +7,13 @@ from lumped.lazy_package import import_on_first_use
 if TYPE_CHECKING:
     from jaxfsi.fields.frame import Grid
     from jaxfsi.fields.series import Entry, frame_name, read_series, write_series
+    from jaxfsi.fields.viscous_loss import (
+        ViscousLoss,
+        drop_added_by_mesh,
+        flow_lost_to_mesh,
+        unresolved_loss,
+        viscous_loss,
+    )
     from jaxfsi.fields.wall_frame import WallFrame, wall_frame
     from jaxfsi.fields.wall_shear import (
         WallPatches,

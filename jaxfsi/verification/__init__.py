@@ -6,6 +6,7 @@ The exact solutions are written out by hand from the equations and share no code
 |---|---|---|
 | `elasticity` | stresses of the materials | derivatives of stored energies |
 | `ethier_steinman` | unsteady flow in a box | Ethier & Steinman 1994 |
+| `developed_flow` | developed flow in ellipse and rectangle | White 2006 |
 | `rigid_tube` | steady and oscillating flow | Poiseuille, `womersley` |
 | `channel_cylinder` | steady flow past a cylinder | drag of DFG 3D-1Z |
 | `nozzle` | a nozzle and a sudden expansion | loss measured by the FDA's laboratories |
@@ -30,6 +31,13 @@ from jaxfsi.verification.coupled_tube import (
     with_parameters,
 )
 from jaxfsi.verification.derivatives import compare_along, compare_each
+from jaxfsi.verification.developed_flow import (
+    StraightLumen,
+    developed_flow,
+    elliptic_lumen,
+    rectangular_lumen,
+    uneven,
+)
 from jaxfsi.verification.elastic_tube import ElasticTube, elastic_mesh, wave_speed
 from jaxfsi.verification.elasticity import ENERGIES, MATERIALS, VOLUME_ENERGIES
 from jaxfsi.verification.ethier_steinman import EthierSteinman, decay_error

@@ -34,7 +34,8 @@ from study.run.lumen_parts import motion_part
 from study.run.mesh import planned_steps
 from study.run.pipeline import run_case
 from study.run.progress import Progress
-from study.run.ramp import ramp_record
+from study.run.ramp import ramp_key, ramp_plan, ramp_record
+from study.run.ramp_losses import ramp_losses
 from study.run.reduced_results import CaseResult
 from study.run.results import PlannedRun, Run3D, RunId, calibrated_runs
 from study.run.run_3d import LumenCollapsed, fsi_run, run_key
@@ -75,7 +76,10 @@ def run_study(
     progress.plan(_plan(case, choice))
     context, anatomy = open_context(case, folder, choice.run, progress)
     progress.step(RAMP)
-    ramp = fitted(ramp_record(context, choice.ramp, compiled_ahead(context)), choice.ramp)
+    record = ramp_record(context, choice.ramp, compiled_ahead(context))
+    dt = ramp_plan(context, choice.ramp).dt
+    losses = ramp_losses(context, ramp_key(context, choice.ramp), dt)
+    ramp = fitted(record, choice.ramp, losses)
     context = with_curve(context, float(ramp.fit.law.R0), float(ramp.fit.law.K))
     progress.step("calibrating in 0D")
     reduced = run_case(context.case)

@@ -1,13 +1,32 @@
 """The curve of a ramp, and what documents hold of it."""
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from calibration import RampFit, RampRecord, fit_ramp, measured_slope
 from lumped import MMHG
 from study.run.study_choice import RampChoice
-from study.run.study_parts import RampPart, Secant
+from study.run.study_parts import RampPart, RampPower, Secant
+from study.store.json_form import ABSENT, Absent
+
+
+class RampLosses(NamedTuple):
+    """What takes the power of a ramp's flow, see `jaxfsi.fields.viscous_loss`.
+
+    Attributes:
+        t: times of the frames [s].
+        viscous: E, resolved viscosity [erg/s].
+        defect: η, its mesh error [erg/s].
+        unresolved: S, the scales below the mesh [erg/s].
+    """
+
+    t: Float[np.ndarray, " frames"]
+    viscous: Float[np.ndarray, " frames"]
+    defect: Float[np.ndarray, " frames"]
+    unresolved: Float[np.ndarray, " frames"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,11 +37,13 @@ class FittedRamp:
         record: pressures and flow.
         fit: the curve.
         choice: how the ramp was made.
+        losses: at its frames; None where there are none.
     """
 
     record: RampRecord
     fit: RampFit
     choice: RampChoice
+    losses: RampLosses | None = None
 
     @property
     def part(self) -> RampPart:
@@ -51,9 +72,33 @@ class FittedRamp:
             secants_by_drop_mmHg=secants,
             Q_cm3_per_s=[float(f"{v:.7g}") for v in np.asarray(record.Q)[some]],
             drop_mmHg=[float(f"{v:.7g}") for v in np.asarray(record.drop)[some] / MMHG],
+            power=ABSENT if self.losses is None else ramp_power(record, self.losses),
         )
 
 
-def fitted(record: RampRecord, choice: RampChoice) -> FittedRamp:
+def fitted(record: RampRecord, choice: RampChoice, losses: RampLosses | None = None) -> FittedRamp:
     """The curve of the ramp."""
-    return FittedRamp(record, fit_ramp(record, P_ref=choice.P_image), choice)
+    return FittedRamp(record, fit_ramp(record, P_ref=choice.P_image), choice, losses)
+
+
+def ramp_power(record: RampRecord, losses: RampLosses) -> RampPower | Absent:
+    """Shares of the power; absent where no frame has flow down the drop."""
+    Q, drop = (np.interp(losses.t, record.t, v) for v in (record.Q, record.drop))
+    flows = (Q > 0.0) & (drop > 0.0)
+    if not np.any(flows):
+        return ABSENT
+    Q, drop = Q[flows], drop[flows]
+    E, eta, S = (np.asarray(part)[flows] for part in losses[1:])
+    power = drop * Q
+    return RampPower(
+        viscous=float(E[-1] / Q[-1] ** 2),
+        viscous_defect=float(eta[-1] / Q[-1] ** 2),
+        frame_drop_mmHg=_rounded(drop / MMHG),
+        viscous_share=_rounded(E / power),
+        defect_share=_rounded(eta / power),
+        unresolved_share=_rounded(S / power),
+    )
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [float(f"{v:.4g}") for v in values]

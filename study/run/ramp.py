@@ -49,10 +49,7 @@ def ramp_record(
     Raises:
         RuntimeError: a step failed.
     """
-    case = context.case
-    solver = dataclasses.replace(case.solver, n_steps=None, cycles=None)
-    dt = context.choice.dt
-    key = stage_key(RAMP, context.mesh_key, case.blood, case.wall, solver, dt, choice)
+    key = ramp_key(context, choice)
 
     def compute() -> dict[str, np.ndarray]:
         with contextlib.nullcontext() if beside is None else beside:
@@ -64,13 +61,26 @@ def ramp_record(
     return RampRecord(**found)
 
 
+def ramp_key(context: RunContext, choice: RampChoice) -> str:
+    """Hash of all that the ramp follows from."""
+    case, dt = context.case, context.choice.dt
+    solver = dataclasses.replace(case.solver, n_steps=None, cycles=None)
+    return stage_key(RAMP, context.mesh_key, case.blood, case.wall, solver, dt, choice)
+
+
+def ramp_plan(context: RunContext, choice: RampChoice) -> Schedule:
+    """Steps and frames of the ramp."""
+    dt = context.choice.dt or context.case.solver.dt or STEP
+    duration = choice.drop / choice.rate
+    n_steps = max(20, math.ceil(duration / dt - 1e-9))
+    n_steps = math.ceil(n_steps / _FRAMES) * _FRAMES
+    return Schedule(duration / n_steps, n_steps, n_steps, n_steps // _FRAMES, duration)
+
+
 def prepare_ramp(context: RunContext, choice: RampChoice) -> Setup:
     """Model and start of the ramp."""
     case, mesh = context.case, context.mesh
-    duration = choice.drop / choice.rate
-    n_steps = max(20, math.ceil(duration / (context.choice.dt or case.solver.dt or STEP) - 1e-9))
-    n_steps = math.ceil(n_steps / _FRAMES) * _FRAMES
-    plan = Schedule(duration / n_steps, n_steps, n_steps, n_steps // _FRAMES, duration)
+    plan = ramp_plan(context, choice)
     rising, held = Ramp(choice.P_image, choice.rate), Constant(choice.P_image)
     ports: dict[str, AbstractPort] = {
         name: PressurePort(held if is_anomalous(name) else rising) for name in mesh.openings

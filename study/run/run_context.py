@@ -69,12 +69,17 @@ class RunContext:
 
     def prepared(self, key: str, name: str) -> pathlib.Path:
         """The folder of a run; what another input left there is forgotten."""
-        folder, mark = self.run_folder(name), self.run_folder(name) / INPUTS_FILE
+        folder = self.run_folder(name)
         folder.mkdir(parents=True, exist_ok=True)
-        if not mark.is_file() or mark.read_text(encoding="utf-8").split("\n")[0] != key:
+        if not self.is_of(key, name):
             clear_run(folder)
-            write_whole(mark, f"{key}\n{json.dumps(made_now())}\n")
+            write_whole(folder / INPUTS_FILE, f"{key}\n{json.dumps(made_now())}\n")
         return folder
+
+    def is_of(self, key: str, name: str) -> bool:
+        """Whether the folder of a run holds the run of this key."""
+        mark = self.run_folder(name) / INPUTS_FILE
+        return mark.is_file() and mark.read_text(encoding="utf-8").split("\n")[0] == key
 
     def run_begun(self, name: str) -> dict[str, Any] | None:
         """When and by which code the run in a folder was begun; None where that is not known."""

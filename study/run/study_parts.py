@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from study.store.json_form import ABSENT, Absent
+
 
 @dataclasses.dataclass(frozen=True)
 class Code:
@@ -127,6 +129,29 @@ class Secant:
 
 
 @dataclasses.dataclass(frozen=True)
+class RampPower:
+    """What takes the power of drop and flow in a ramp, see `jaxfsi.fields.viscous_loss`.
+
+    The rest is the velocity head that leaves. Lists go by frame of the ramp.
+
+    Attributes:
+        viscous: resistance of the viscosity that the mesh resolves, at the last frame [dyn·s/cm⁵].
+        viscous_defect: its mesh error, by recovery of the velocity's gradient [dyn·s/cm⁵].
+        frame_drop_mmHg: drop.
+        viscous_share: share of the power that resolved viscosity takes [-].
+        defect_share: mesh error of that over the same power [-].
+        unresolved_share: share that the scales below the mesh take, by the stabilisation [-].
+    """
+
+    viscous: float
+    viscous_defect: float
+    frame_drop_mmHg: list[float]
+    viscous_share: list[float]
+    defect_share: list[float]
+    unresolved_share: list[float]
+
+
+@dataclasses.dataclass(frozen=True)
 class RampPart:
     """The ramp as documents hold it; the curve is ΔP = a Q + b Q|Q| + L dQ/dt.
 
@@ -147,6 +172,7 @@ class RampPart:
         secants_by_drop_mmHg: resistance at some drops.
         Q_cm3_per_s: flow of some samples.
         drop_mmHg: drop of these.
+        power: what takes its power; left out where no frames of the ramp were kept.
     """
 
     P_image_mmHg: float
@@ -165,6 +191,7 @@ class RampPart:
     secants_by_drop_mmHg: dict[str, Secant]
     Q_cm3_per_s: list[float]
     drop_mmHg: list[float]
+    power: RampPower | Absent = ABSENT
 
 
 class Sensitivity(NamedTuple):

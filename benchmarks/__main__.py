@@ -28,6 +28,7 @@ BENCHMARKS = (
     "slit",
     "steps",
     "published",
+    "mesh_error",
 )
 LONG = ("sensitivity", "convergence", "wall_steps", "beats")
 """Run only where they are named: half an hour and more on two cores."""

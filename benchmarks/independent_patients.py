@@ -243,13 +243,8 @@ def _simulate(d: Params, s: Params, steps: int = STEPS) -> Params:
     total = (mean_pa - d["a"] * flow - 1.2 * d["b"] * flow**2 - pv) / flow
     share = np.stack([d["arterioles"], 1.0 - d["arterioles"] - d["venules"], d["venules"]])
     p: Params = {k: d[k] for k in ("a", "b", "L", "Pv", "Ca", "squeeze")}
-    p.update(
-        T=1.0 / d["rate"],
-        C1=0.4 * d["compliance"],
-        C2=0.6 * d["compliance"],
-        y_mid=np.full_like(flow, 10.0),
-        y_end=np.full_like(flow, 5.0),
-    )
+    p |= {"T": 1.0 / d["rate"], "C1": 0.4 * d["compliance"], "C2": 0.6 * d["compliance"]}
+    p |= {"y_mid": np.full_like(flow, 10.0), "y_end": np.full_like(flow, 5.0)}
     x = np.stack([flow, 0.95 * mean_pa, np.full_like(flow, 20.0), np.full_like(flow, 8.0)])
     for _ in range(20):
         p["R1"], p["R2"], p["R3"] = share * total

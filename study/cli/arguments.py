@@ -83,12 +83,7 @@ def parse(argv: Sequence[str]) -> Request[Options]:
     _mesh_arguments(parsers["mesh"])
     _simulation_arguments(parsers["simulate"])
     _study_arguments(parsers["study"])
-    parsers["run"].add_argument(
-        "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
-    )
-    parsers["run"].add_argument(
-        "--uncertainty", action="store_true", help="give each FFR an interval, with its causes"
-    )
+    _run_arguments(parsers["run"])
     _record_arguments(parsers)
     parsers["template"].add_argument(
         "--record", action="store_true", help="a measured record, with an example of its traces"
@@ -172,6 +167,15 @@ def _wall_arguments(command: argparse.ArgumentParser) -> None:
         default=0.05,
         metavar="X",
         help="relative standard deviation of a contour's area and minor axis; default: 0.05",
+    )
+
+
+def _run_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--mesh", action=argparse.BooleanOptionalAction, help="make a coarse mesh as well"
+    )
+    command.add_argument(
+        "--uncertainty", action="store_true", help="give each FFR an interval, with its causes"
     )
 
 

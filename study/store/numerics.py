@@ -91,6 +91,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "study/case/blood.py", "study/case/model.py", "study/case/ostium.py",
         "study/case/parameters.py",
         "study/case/read.py", "study/case/schema.py", "study/case/table*",
+        "study/case/uncertainty.py", "study/run/ratio_uncertainty.py",
         "study/run/algorithm.py", "study/run/limits.py", "study/run/study_choice.py",
         "study/run/study_context.py",
         "study/run/study_options.py", "study/run/study_result.py",
@@ -124,6 +125,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/run/gap_parts.py", "study/run/members.py",
     "study/run/opening_checks.py", "study/run/progress.py", "study/run/sweep_parts.py",
     "study/store/*",
+    "study/report/uncertainty_part.py", "study/report/uncertainty_words.py",
     "study/report/wall_results.py", "study/run/measured_states.py",
     "study/run/wall_calibration.py",  # computed anew each time
 )  # fmt: skip

@@ -30,7 +30,7 @@ from lumped import Surrogate, condition_from_clinic, nominal_coronary, stress_ru
 
 SEED = 20261126
 N_PATIENTS = 200
-N_SAMPLES = 2**9
+N_SAMPLES = 2**8
 COVERS = (0.86, 0.94)
 LIMIT = 0.80
 RESERVE_ERROR = 0.15

@@ -93,16 +93,21 @@ class StressRatio(eqx.Module):
         """FFR with other numbers, see `with_values` [-]."""
         return self.with_values(values)()
 
-    def reserve(self, values: Mapping[str, Parameter]) -> Float[Array, ""]:
-        """Flow reserve with other numbers, see `with_values` [-]."""
-        return self.with_values(values).flow_reserve()
+    def reserve(self, values: Mapping[str, Parameter], ffr: Parameter) -> Float[Array, ""]:
+        """Flow reserve with other numbers and the FFR that they give [-]."""
+        return self.with_values(values).flow_reserve(ffr)
 
-    def flow_reserve(self) -> Float[Array, ""]:
-        """Mean flow under stress over that at rest [-]; NaN where FFR is."""
+    def flow_reserve(self, ffr: Parameter | None = None) -> Float[Array, ""]:
+        """Mean flow under stress over that at rest [-]; NaN where FFR is.
+
+        Args:
+            ffr: FFR where it is known already.
+        """
+        ffr = self() if ffr is None else ffr
         P_venous = self.surrogate.coronary.P_venous
         P_rest = mean_aortic_pressure(self.surrogate, self.rest)
         P_stress = mean_aortic_pressure(self.surrogate, self.stress)
-        gradient = self() * P_stress - P_venous
+        gradient = ffr * P_stress - P_venous
         return gradient / (self.bed_factor * (self.rest_ratio * P_rest - P_venous))
 
     @property

@@ -168,12 +168,12 @@ class Evidence(NamedTuple):
     """A measured value of something that the inputs predict.
 
     Attributes:
-        predicted: gives it from a value of each input by name, as the scalar is given.
+        predicted: gives it from a value of each input by name and from the scalar there.
         value: what was measured.
         sd: its standard deviation.
     """
 
-    predicted: Callable[[dict[str, Array]], Float[Array, ""]]
+    predicted: Callable[[dict[str, Array], Float[Array, ""]], Float[Array, ""]]
     value: float
     sd: float
 
@@ -339,11 +339,12 @@ def _sloped(z, names, spreads, scalar) -> tuple[Array, Array]:
 
 @eqx.filter_jit
 def _evaluated(z, names, spreads, functions, batch_size: int) -> tuple[Array, ...]:
-    """Every function at each sample."""
+    """The scalar and what it predicts of the evidence at each sample."""
 
     def row(z: Float[Array, " inputs"]) -> tuple[Array, ...]:
         x = _inputs(z, names, spreads)
-        return tuple(function(x) for function in functions)
+        value = functions[0](x)
+        return (value, *(predicted(x, value) for predicted in functions[1:]))
 
     return jax.lax.map(row, z, batch_size=batch_size)
 

@@ -152,7 +152,7 @@ def test_bad_input():
 
 def test_evidence_is_bayes_rule_of_normals():
     inputs = {"a": Normal(1.0, 0.3), "b": Normal(2.0, 0.4)}
-    seen = Evidence(lambda x: x["a"] + x["b"], 3.4, 0.25)
+    seen = Evidence(lambda x, _: x["a"] + x["b"], 3.4, 0.25)
     found = uncertainty(lambda x: x["a"] - x["b"], inputs, evidence=[seen], n_samples=2**14)
     # of jointly normal y = a − b and m = a + b
     gain = (0.3**2 - 0.4**2) / (0.3**2 + 0.4**2 + 0.25**2)
@@ -171,9 +171,9 @@ def test_evidence_is_bayes_rule_of_normals():
 def test_evidence_that_nothing_agrees_with_is_refused():
     inputs = {"a": Normal(1.0, 0.1)}
     with pytest.raises(RuntimeError, match="contradict each other: the nearest sample is"):
-        uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x: x["a"], 9.0, 0.1)])
+        uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x, _: x["a"], 9.0, 0.1)])
     with pytest.raises(ValueError, match="standard deviation above 0"):
-        uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x: x["a"], 1.0, 0.0)])
+        uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x, _: x["a"], 1.0, 0.0)])
 
 
 def test_widths_follow_the_noise_of_the_measurement():

@@ -22,6 +22,7 @@ of maximal rate), Casadonte 2015 (adenosine, Pa -13 %, rate +25 %). Compliance: 
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from scipy.interpolate import PchipInterpolator
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
-Params = dict[str, Array]
+Params = dict[str, NDArray[Any]]
 Waves = tuple[Array, Array, Array]  # aortic, muscle, lumen fraction on the half-step grid
 
 DYN_PER_MMHG = 1333.22

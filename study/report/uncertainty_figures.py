@@ -72,7 +72,7 @@ def _causes(axes: Axes, entry: Document) -> None:
     """Share of each cause in the variance."""
     shown = [cause for cause in entry["causes"] if cause["share"] >= LEAST_SHARE]
     rest = 1.0 - sum(cause["share"] for cause in shown)
-    names = [NAMES.get(cause["name"], cause["name"]) for cause in shown]
+    names = [str(NAMES.get(cause["name"], cause["name"])) for cause in shown]
     shares = [100.0 * cause["share"] for cause in shown]
     if rest > 0.0005:
         names.append("all others")

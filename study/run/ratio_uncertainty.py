@@ -83,7 +83,8 @@ def _uncertain(
 def response_to_stress(case: Case, condition: str) -> StressEvidence:
     """What is known of the bed and the slit in a condition: from the case, else the literature."""
     known = case.uncertainty
-    drug: Drug = next((d for d in _DRUGS if d in condition.lower()), "other")
+    named: list[Drug] = [drug for drug in _DRUGS if drug in condition.lower()]
+    drug: Drug = named[0] if named else "other"
     age: Age = "unknown"
     if known.age is not None:
         age = "adult" if known.age >= ADULT_YEARS else "child"

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         ratio_response,
         through_calibration,
     )
+    from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
     from calibration.stress_evidence import StressEvidence, stress_evidence
     from calibration.stress_ratio import StressRatio
     from calibration.sweep import (
@@ -75,17 +76,7 @@ if TYPE_CHECKING:
         systolic_target,
         waveform_target,
     )
-    from calibration.uncertainty import (
-        AbstractSpread,
-        Evidence,
-        LogNormal,
-        Normal,
-        Truncated,
-        Uncertainty,
-        Uniform,
-        standard_normals,
-        uncertainty,
-    )
+    from calibration.uncertainty import Evidence, Uncertainty, standard_normals, uncertainty
     from calibration.vascular import FreeParameters, VesselFit, calibrate_vessels
     from calibration.vessel_record import (
         VesselParameters,

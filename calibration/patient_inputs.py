@@ -17,9 +17,9 @@ taken back.
 
 import equinox as eqx
 
+from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
 from calibration.stress_evidence import StressEvidence
 from calibration.stress_ratio import BED_FACTOR, REST_PREFIX, STRESS_LOSS, StressRatio
-from calibration.uncertainty import AbstractSpread, LogNormal, Normal, Truncated, Uniform
 from lumped.units import MMHG
 
 HIGHEST_RATIO = 0.999

@@ -22,7 +22,7 @@ assumed.
 
 from typing import Literal, NamedTuple
 
-from calibration.uncertainty import LogNormal
+from calibration.spreads import LogNormal
 
 Age = Literal["adult", "child", "unknown"]
 Drug = Literal["adenosine", "dobutamine", "other"]

@@ -10,9 +10,10 @@ calibrates inside, such as FFR with α tuned to the resting ratio, has the right
 itself. Shape, quantiles and chances come from samples of z, a scrambled Sobol sequence: for smooth
 scalars of a few inputs their error falls nearly as 1/n.
 
-If an input were known c times as well, to first order about the samples::
+If an input were known better, with c times its standard deviation σ_i, and had its median m_i, the
+samples would have the weights of such a measurement::
 
-    y(z with c z_i) = y(z) − (1 − c) g_i(z) z_i ≈ y(z) − (1 − c) g_i z_i
+    exp(−(z_i − m_i)²/2s²),   1/s² = 1/(c σ_i)² − 1/σ_i²
 
 Evidence, a measured value m ± s of something that the same inputs predict as f(z), weighs the
 samples by exp(−(f(z) − m)²/2s²) (Bayes' rule); they are drawn again by their weights.
@@ -21,21 +22,19 @@ Source: Smith 2013, Uncertainty Quantification, chapters 8 and 15; Owen 1998, AC
 Douc & Cappé 2005, Comparison of resampling schemes (systematic resampling).
 """
 
-import abc
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.stats import norm
 from jaxtyping import Array, Float, Int
 from scipy.special import ndtri
 from scipy.stats import qmc
 
+from calibration.spreads import AbstractSpread
 from calibration.sweep import BATCH
-from lumped.parameters import Parameter, Range, check_range, is_traced, parameter
 
 MOST_FAILED = 0.01
 """Share of the samples that may have no value."""
@@ -43,125 +42,17 @@ MOST_FAILED = 0.01
 LEAST_EFFECTIVE = 30.0
 """Samples of equal weight that must be left with evidence."""
 
+MOST_ROUNDS = 16
+"""Times that the samples are drawn, each in another sequence, until enough agree with evidence."""
+
+SHARPEST = 0.15
+"""Least standard deviation of an input that is known better, over that now."""
+
 FARTHEST = 3.0
 """Standard deviations by which the nearest sample may miss the evidence."""
 
 _EDGE = 1e-12
 """Least distance of a uniform number from 0 and 1."""
-
-
-class AbstractSpread(eqx.Module):
-    """Distribution of an input, as an increasing function of a standard normal number."""
-
-    ranges: ClassVar[Range]
-
-    def __check_init__(self):
-        """Refuse numbers out of their range; traced ones pass.
-
-        Raises:
-            ValueError: a concrete number is out of its range.
-        """
-        check_range(self)
-
-    @abc.abstractmethod
-    def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Value at a standard normal number; at 0 it is the median."""
-
-
-class Normal(AbstractSpread):
-    """A normal distribution.
-
-    Attributes:
-        mean: its mean.
-        sd: its standard deviation.
-    """
-
-    ranges: ClassVar[Range] = Range(finite=("mean",), least=("sd",))
-    mean: Parameter = parameter()
-    sd: Parameter = parameter()
-
-    def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Mean + sd z."""
-        return self.mean + self.sd * z
-
-
-class LogNormal(AbstractSpread):
-    """A positive number known up to a factor.
-
-    Attributes:
-        median: its median.
-        log_sd: standard deviation of its natural logarithm; for small ones that of the number over
-            itself.
-    """
-
-    ranges: ClassVar[Range] = Range(above=("median",), least=("log_sd",))
-    median: Parameter = parameter()
-    log_sd: Parameter = parameter()
-
-    def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Median exp(log_sd z)."""
-        return self.median * jnp.exp(self.log_sd * z)
-
-
-class Uniform(AbstractSpread):
-    """Any number between two bounds.
-
-    Attributes:
-        low, high: the bounds.
-    """
-
-    ranges: ClassVar[Range] = Range(finite=("low", "high"))
-    low: Parameter = parameter()
-    high: Parameter = parameter()
-
-    def __check_init__(self):
-        """Refuse bounds that do not ascend; traced ones pass.
-
-        Raises:
-            ValueError: the upper bound is not above the lower one.
-        """
-        _check_bounds(self)
-
-    def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Low + (high − low) Φ(z)."""
-        return self.low + (self.high - self.low) * norm.cdf(z)
-
-
-class Truncated(AbstractSpread):
-    """A normal distribution between two bounds, what lies outside cut off.
-
-    Attributes:
-        mean: of the whole distribution.
-        sd: likewise.
-        low, high: the bounds.
-    """
-
-    ranges: ClassVar[Range] = Range(finite=("mean", "low", "high"), above=("sd",))
-    mean: Parameter = parameter()
-    sd: Parameter = parameter()
-    low: Parameter = parameter()
-    high: Parameter = parameter()
-
-    def __check_init__(self):
-        """Refuse bounds that do not ascend; traced ones pass.
-
-        Raises:
-            ValueError: the upper bound is not above the lower one.
-        """
-        _check_bounds(self)
-
-    def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Mean + sd Φ⁻¹(Φ(a) + Φ(z) (Φ(b) − Φ(a))) with the bounds a, b in standard deviations."""
-        a, b = (norm.cdf((bound - self.mean) / self.sd) for bound in (self.low, self.high))
-        inside = norm.ppf(jnp.clip(a + norm.cdf(z) * (b - a), _EDGE, 1.0 - _EDGE))
-        return jnp.clip(self.mean + self.sd * inside, self.low, self.high)
-
-
-def _check_bounds(spread: Uniform | Truncated) -> None:
-    low, high = spread.low, spread.high
-    check_range(spread)
-    if not is_traced(low, high) and np.any(high <= low):
-        raise ValueError(f"{type(spread).__name__}: high = {high} is not above low = {low}")
 
 
 class Evidence(NamedTuple):
@@ -238,11 +129,12 @@ class Uncertainty(eqx.Module):
     def known_better(
         self, name: str, factor: float = 0.0, *, level: float = 0.9
     ) -> tuple[float, float]:
-        """The interval if an input were known better and had its median, to first order.
+        """The interval if an input were known better and had its median.
 
         Args:
             name: of the input.
-            factor: its standard deviation then over that now; 0: known exactly.
+            factor: its standard deviation then over that now; what is below `SHARPEST` counts as
+                that, so that samples are left.
             level: see `interval`.
 
         Raises:
@@ -255,7 +147,12 @@ class Uncertainty(eqx.Module):
         if not 0.0 <= factor <= 1.0:
             raise ValueError(f"factor = {factor!r} is not between 0 and 1")
         z = self.z[:, list(self.slopes).index(name)]
-        return _bounds(self.samples - (1.0 - factor) * self.slopes[name] * z, level)
+        sharp = max(factor, SHARPEST)
+        if sharp == 1.0:
+            return self.interval(level)
+        scale = np.std(z) * sharp / np.sqrt(1.0 - sharp**2)
+        weights = np.exp(-0.5 * ((z - np.median(z)) / max(scale, _EDGE)) ** 2)
+        return _bounds(self.samples, level, weights)
 
 
 def uncertainty(
@@ -301,10 +198,10 @@ def uncertainty(
             f"the scalar is {float(nominal):g} where all inputs have their medians, with no"
             f" derivative by {', '.join(missing) or 'none'}. Check those inputs."
         )
-    z = standard_normals(n_samples, len(names), seed)
-    found = _evaluated(jnp.asarray(z), names, spreads, functions, batch_size)
-    values, *predicted = (np.asarray(v) for v in found)
-    good = np.isfinite(values) & np.all([np.isfinite(p) for p in (values, *predicted)], axis=0)
+    z, values, predicted = _samples(
+        n_samples, names, spreads, functions, evidence, batch_size, seed
+    )
+    good = np.all([np.isfinite(p) for p in (values, *predicted)], axis=0)
     n_failed = int(np.sum(~good))
     if n_failed > MOST_FAILED * len(values):
         raise RuntimeError(
@@ -349,20 +246,58 @@ def _evaluated(z, names, spreads, functions, batch_size: int) -> tuple[Array, ..
     return jax.lax.map(row, z, batch_size=batch_size)
 
 
+def _samples(
+    n: int, names, spreads, functions, evidence: Sequence[Evidence], batch_size: int, seed: int
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Samples, the scalar there and what is predicted of the evidence, until enough agree."""
+    parts: list[list[np.ndarray]] = []
+    while True:
+        z = standard_normals(n, len(names), seed + len(parts))
+        found = _evaluated(jnp.asarray(z), names, spreads, functions, batch_size)
+        parts.append([z, *(np.asarray(v) for v in found)])
+        z, values, *predicted = (np.concatenate(column) for column in zip(*parts, strict=True))
+        good = np.all([np.isfinite(p) for p in (values, *predicted)], axis=0)
+        enough = not evidence or len(parts) == MOST_ROUNDS
+        if enough or _agreeing([p[good] for p in predicted], evidence) >= LEAST_EFFECTIVE:
+            return z, values, predicted
+
+
+def _weights(
+    predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence]
+) -> tuple[Float[np.ndarray, " samples"], float]:
+    """Weight of each sample, and how far the nearest one is from the evidence."""
+    misfit = sum(((p - e.value) / e.sd) ** 2 for p, e in zip(predicted, evidence, strict=True))
+    misfit = np.asarray(misfit)
+    if not misfit.size:
+        return misfit, np.inf
+    weights = np.exp(-0.5 * (misfit - np.min(misfit)))
+    return weights / np.sum(weights), float(np.sqrt(np.min(misfit)))
+
+
+def _agreeing(
+    predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence]
+) -> float:
+    """Samples of equal weight that agree with the evidence; infinite where none comes near."""
+    weights, farthest = _weights(predicted, evidence)
+    return np.inf if farthest > FARTHEST else float(1.0 / np.sum(weights**2))
+
+
 def _drawn_again(
     predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence], seed: int
 ) -> tuple[Int[np.ndarray, " samples"], float]:
     """Samples drawn by their weights, and how many of equal weight say as much."""
-    misfit = sum(((p - e.value) / e.sd) ** 2 for p, e in zip(predicted, evidence, strict=True))
-    weights = np.exp(-0.5 * (misfit - np.min(misfit)))
-    weights = weights / np.sum(weights)
-    n_effective = float(1.0 / np.sum(weights**2))
-    farthest = float(np.sqrt(np.min(misfit)))
-    if n_effective < LEAST_EFFECTIVE or farthest > FARTHEST:
+    weights, farthest = _weights(predicted, evidence)
+    if farthest > FARTHEST:
         raise RuntimeError(
-            f"the evidence and the inputs contradict each other: the nearest sample is"
-            f" {farthest:.1f} standard deviations away, and {n_effective:.0f} carry the weight."
-            " Check the measured values, widen the inputs, or take more samples."
+            f"what was measured and the other numbers contradict each other: the nearest of"
+            f" {len(weights)} samples is {farthest:.1f} standard deviations away. Check the"
+            " measured value and its standard deviation, or widen the other numbers."
+        )
+    n_effective = float(1.0 / np.sum(weights**2))
+    if n_effective < LEAST_EFFECTIVE:
+        raise RuntimeError(
+            f"only {n_effective:.0f} of {len(weights)} samples agree with what was measured."
+            " Give it a larger standard deviation, or take more samples."
         )
     n = len(weights)
     places = (np.arange(n) + np.random.default_rng(seed).uniform()) / n
@@ -376,9 +311,19 @@ def standard_normals(n: int, n_inputs: int, seed: int = 0) -> Float[np.ndarray, 
     return ndtri(np.clip(uniform, _EDGE, 1.0 - _EDGE))
 
 
-def _bounds(samples: Float[np.ndarray, " samples"], level: float) -> tuple[float, float]:
+def _bounds(
+    samples: Float[np.ndarray, " samples"],
+    level: float,
+    weights: Float[np.ndarray, " samples"] | None = None,
+) -> tuple[float, float]:
     if not 0.0 < level < 1.0:
         raise ValueError(f"level = {level!r} is not between 0 and 1")
     tail = (1.0 - level) / 2.0
-    low, high = np.quantile(samples, [tail, 1.0 - tail])
+    if weights is None:
+        low, high = np.quantile(samples, [tail, 1.0 - tail])
+    else:
+        order = np.argsort(samples)
+        below = np.cumsum(weights[order])
+        share = (below - 0.5 * weights[order]) / below[-1]
+        low, high = np.interp([tail, 1.0 - tail], share, samples[order])
     return float(low), float(high)

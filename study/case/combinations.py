@@ -165,6 +165,14 @@ def _check_uncertainty(values: Mapping[str, Any], context: Context) -> None:
             "give P_venous_low_mmHg and P_venous_high_mmHg in ascending order",
             f"above {low / MMHG:g}",
         )
+    for name, entry in values["condition"].items():
+        if entry.get("flow_reserve") is None and entry.get("flow_reserve_sd") is not None:
+            context.add(
+                f"condition.{name}.flow_reserve_sd",
+                entry["flow_reserve_sd"],
+                "a standard deviation without its flow reserve",
+                "add flow_reserve, or leave flow_reserve_sd out",
+            )
     rest = values["condition"].get("rest") or {}
     if rest.get("flow_reserve") is not None:
         context.add(

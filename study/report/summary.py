@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.report.number_formats import signed
-from study.report.uncertainty_words import uncertainty_words
+from study.report.uncertainty_words import RULES_ONLY, uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
 Document = Mapping[str, Any]
@@ -70,6 +70,7 @@ def _run(document: Document) -> Iterator[str]:
     if document.get("uncertainty"):
         yield uncertainty_words(document["uncertainty"])
         yield ""
+        yield RULES_ONLY
     yield document["verdict"]
     yield from _small_print(document)
     yield ""

@@ -17,6 +17,10 @@ def uncertainty_words(entries: Sequence[Mapping[str, Any]]) -> str:
     return f"With all that is uncertain: {'; '.join(interval_words(e) for e in entries)}."
 
 
+RULES_ONLY = "With the published stress rules and no error but that of the resting ratio:"
+"""Before the verdict, where intervals stand beside it."""
+
+
 def interval_words(entry: Mapping[str, Any]) -> str:
     """FFR 0.86 [0.79, 0.90] under a condition, with the chance of 0.80 or below."""
     low, high = entry["interval_90"]

@@ -70,12 +70,14 @@ def _uncertain(
     response = response_to_stress(case, name)
     reserve = _reserve(entry)
     measured = [] if reserve is None else [Evidence(model.reserve, *reserve)]
-    found = uncertainty(
-        model.ffr,
-        patient_inputs(model, response, _errors(case, rest_sd)),
-        evidence=measured,
-        n_samples=n_samples,
-    )
+    inputs = patient_inputs(model, response, _errors(case, rest_sd))
+    try:
+        found = uncertainty(model.ffr, inputs, evidence=measured, n_samples=n_samples)
+    except RuntimeError as error:
+        keys = "[uncertainty]" if reserve is None else "flow_reserve, [uncertainty]"
+        raise RuntimeError(
+            f"no interval of FFR under {name}: {error} (keys: [condition.{name}], {keys})"
+        ) from error
     factors = {rule: float(m.bed_factor) for rule, m in models.items()}
     return UncertainRatio(name, found, response, factors, reserve)
 

@@ -20,12 +20,11 @@ area to the power of −2 to −3. Under adenosine the heart does not contract h
 assumed.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from calibration.spreads import LogNormal
 
-Age = Literal["adult", "child", "unknown"]
-Drug = Literal["adenosine", "dobutamine", "other"]
+AGES = ("adult", "child", "unknown")
 
 
 class StressEvidence(NamedTuple):
@@ -54,20 +53,20 @@ _POOLED = 0.35
 """Standard deviation of log C where age or drug is not known."""
 
 
-def stress_evidence(drug: Drug = "other", age: Age = "unknown") -> StressEvidence:
+def stress_evidence(drug: str = "other", age: str = "unknown") -> StressEvidence:
     """What the literature says of a drug at an age.
 
     Args:
-        drug: given for stress; "other" for exercise and unknown drugs.
-        age: adult from about 18 years on.
+        drug: adenosine, dobutamine, or other: exercise and unknown drugs.
+        age: one of `AGES`; adult from about 18 years on.
 
     Raises:
         ValueError: no such drug or age.
     """
-    if drug not in _LOSS or age not in ("adult", "child", "unknown"):
+    if drug not in _LOSS or age not in AGES:
         raise ValueError(
             f"no evidence for drug {drug!r} and age {age!r}: take one of {', '.join(_LOSS)},"
-            " and adult, child or unknown"
+            f" and one of {', '.join(AGES)}"
         )
     if (drug, age) in _RESERVE:
         reserve, log_sd, source = _RESERVE[drug, age]

@@ -37,6 +37,7 @@ _ANATOMY = """\
 The vessel: exactly one kind. Leave it out where R0 is given below and nothing needs a mesh."""
 
 _CASE_STRESS = {"kind": "stress", "P_systolic": 130.0, "P_diastolic": 70.0, "period": 0.45}
+_STRESS_ONLY = ("flow_reserve", "flow_reserve_sd")
 _RECORD_STRESS = {
     "drug": "dobutamine", "period": 0.45, "P_systolic": 130.0, "P_diastolic": 70.0, "ffr": 0.90,
 }  # fmt: skip
@@ -90,9 +91,11 @@ def _conditions(section: FileTable, shown: Iterable[str], stress: Mapping[str, A
     """The condition at rest with every key, and one under stress with those that it needs."""
     own = tuple(key for key in section.keys if key.name in stress)
     lines = [_line(key, stress, commented=key.name == "kind", told=False) for key in own]
+    only = [_line(key, {}, commented=True) for key in section.keys if key.name in _STRESS_ONLY]
+    both = tuple(key for key in section.keys if key.name not in _STRESS_ONLY)
     return [
-        _table(section, "condition.rest", shown),
-        "\n".join(["[condition.dobutamine]", *lines]),
+        _table(section._replace(keys=both), "condition.rest", shown),
+        "\n".join(["[condition.dobutamine]", *lines, *only]),
     ]
 
 

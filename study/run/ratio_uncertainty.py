@@ -16,7 +16,6 @@ from calibration import (
     stress_evidence,
     uncertainty,
 )
-from calibration.stress_evidence import Age, Drug
 from study.case.condition import Condition
 from study.case.model import Case
 from study.run.patient import Patient
@@ -29,7 +28,7 @@ RESERVE_ERROR = 0.15
 """Relative standard deviation of a measured flow reserve where none is given: that of two readings
 of one (coronary thermodilution against Doppler)."""
 
-_DRUGS: tuple[Drug, ...] = ("adenosine", "dobutamine")
+_DRUGS = ("adenosine", "dobutamine")
 
 
 def uncertain_ratios(
@@ -85,9 +84,9 @@ def _uncertain(
 def response_to_stress(case: Case, condition: str) -> StressEvidence:
     """What is known of the bed and the slit in a condition: from the case, else the literature."""
     known = case.uncertainty
-    named: list[Drug] = [drug for drug in _DRUGS if drug in condition.lower()]
-    drug: Drug = named[0] if named else "other"
-    age: Age = "unknown"
+    named = [drug for drug in _DRUGS if drug in condition.lower()]
+    drug = named[0] if named else "other"
+    age = "unknown"
     if known.age is not None:
         age = "adult" if known.age >= ADULT_YEARS else "child"
     found = stress_evidence(drug, age)

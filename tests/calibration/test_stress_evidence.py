@@ -32,5 +32,7 @@ def test_a_slit_narrows_under_dobutamine():
 
 
 def test_unknown_drugs_are_refused():
-    with pytest.raises(ValueError, match="take one of adenosine, dobutamine, other"):
+    with pytest.raises(
+        ValueError, match="take one of adenosine, dobutamine, other, and one of adult"
+    ):
         stress_evidence("regadenoson", "adult")

@@ -151,7 +151,10 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     assert None not in (full.wall.E_coronary, full.wall.E_septum)
     assert full.stress == plain.stress
     assert full.surrogate == dataclasses.replace(plain.surrogate, K=1e3)
-    assert None not in dataclasses.astuple(full.conditions["rest"])
+    rest = dataclasses.replace(full.conditions["rest"], flow_reserve=1.0, flow_reserve_sd=0.1)
+    assert None not in dataclasses.astuple(rest)
+    assert full.conditions["dobutamine"].flow_reserve is not None
+    assert None not in (full.uncertainty.age, full.uncertainty.bed_factor)
     assert None not in dataclasses.astuple(full.solver)
     require(full, "mesh")
     assert full.anatomy is not None

@@ -65,18 +65,19 @@ def _rows(folder: pathlib.Path) -> list[dict[str, Any]]:
     rows = []
     for name, text in cases():
         for condition in CONDITIONS:
-            rows.append(beat(folder / name, text, condition))
+            rows.append(beat(name, folder / name, text, condition))
             print(f"  {rows[-1]}", file=sys.stderr, flush=True)
     return rows
 
 
-def beat(place: pathlib.Path, text: str, condition: str) -> dict[str, Any]:
+def beat(name: str, place: pathlib.Path, text: str, condition: str) -> dict[str, Any]:
     """One beat, with viscosity where the elastic wall snaps."""
-    elastic = _ran(place, text, condition)
+    elastic = {"anatomy": name} | _ran(place, text, condition)
     if "snaps" not in elastic["why"]:
         return elastic
     viscous = text.replace("[wall]\n", f"[wall]\ndamping_poise = {_VISCOSITY:g}\n")
-    return _ran(place / "viscous", viscous, condition) | {"elastic": elastic["why"]}
+    found = _ran(place / "viscous", viscous, condition)
+    return {"anatomy": name} | found | {"elastic": elastic["why"]}
 
 
 def cases() -> Iterator[tuple[str, str]]:
@@ -117,8 +118,8 @@ def _ran(place: pathlib.Path, text: str, condition: str) -> dict[str, Any]:
     command = [sys.executable, "-c", start_up, "simulate", str(place / "case.toml")]
     command += ["--condition", condition, "--preset", "coarse", "--dt", str(_DT), "--cycles", "1"]
     ended = subprocess.run([*command, "--out", str(out)], capture_output=True, check=False)
-    row: dict[str, Any] = {"anatomy": place.name, "condition": condition}
-    row |= {"status": ended.returncode, "total_s": time.perf_counter() - start}
+    row: dict[str, Any] = {"condition": condition, "status": ended.returncode}
+    row["total_s"] = time.perf_counter() - start
     file = out / "simulation.json"
     if not file.is_file():
         lines = ended.stderr.decode(errors="replace").strip().splitlines()

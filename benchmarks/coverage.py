@@ -27,14 +27,15 @@ from calibration import (
     uncertainty,
 )
 from lumped import Surrogate, condition_from_clinic, nominal_coronary, stress_rule
+from study.run.ratio_uncertainty import RESERVE_ERROR
 
 SEED = 20261126
 N_PATIENTS = 200
 N_SAMPLES = 2**8
 COVERS = (0.86, 0.94)
 LIMIT = 0.80
-RESERVE_ERROR = 0.15
-"""Relative standard deviation of a measured flow reserve, as two measurements of one differ."""
+REST_RATIO_ERROR = 0.014
+"""Standard deviation of a resting ratio, as of one of two readings that differ by 0.02."""
 
 _IM_FACTOR = {"left": 1.0, "right": 0.5}
 
@@ -94,7 +95,7 @@ def predicted(patient: Mapping[str, Any], *, n_samples: int = N_SAMPLES) -> Pred
     """FFR of a patient with its uncertainty, from what was measured alone."""
     seen = patient["measured"]
     model = _model(patient)
-    errors = MeasurementErrors()
+    errors = MeasurementErrors(rest_ratio=REST_RATIO_ERROR)
     evidence = stress_evidence(patient["drug"], patient["age_group"])
     start = time.perf_counter()
     reserve = seen["cfr"]

@@ -20,7 +20,7 @@ import equinox as eqx
 from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
 from calibration.stress_evidence import StressEvidence
 from calibration.stress_ratio import BED_FACTOR, REST_PREFIX, STRESS_LOSS, StressRatio
-from lumped.units import MMHG
+from lumped.nominal import IM_FACTOR_SD, LOSS_SD, P_VENOUS_RANGE, PERIOD_SD, PRESSURE_SD
 
 HIGHEST_RATIO = 0.999
 """A resting ratio of 1 has no α."""
@@ -38,25 +38,24 @@ class MeasurementErrors(eqx.Module):
         P_venous: least and largest venous pressure [dyn/cm²].
     """
 
-    rest_ratio: float = 0.014
-    pressure: float = 3.0 * MMHG
-    period: float = 0.02
-    loss: float = 0.3
-    im_factor: float = 0.3
-    P_venous: tuple[float, float] = (3.0 * MMHG, 12.0 * MMHG)
+    rest_ratio: float
+    pressure: float = PRESSURE_SD
+    period: float = PERIOD_SD
+    loss: float = LOSS_SD
+    im_factor: float = IM_FACTOR_SD
+    P_venous: tuple[float, float] = P_VENOUS_RANGE
 
 
 def patient_inputs(
-    patient: StressRatio, evidence: StressEvidence, errors: MeasurementErrors | None = None
+    patient: StressRatio, evidence: StressEvidence, errors: MeasurementErrors
 ) -> dict[str, AbstractSpread]:
     """Distribution of each number of a patient, for `uncertainty` of `patient.ffr`.
 
     Args:
         patient: the patient; what was measured is the middle of each distribution.
         evidence: what stress does.
-        errors: of the measurements; None: the usual ones.
+        errors: of the measurements.
     """
-    errors = errors or MeasurementErrors()
     now, artery = patient.values, patient.surrogate
     inputs: dict[str, AbstractSpread] = {
         "rest_ratio": Truncated(now["rest_ratio"], errors.rest_ratio, 0.0, HIGHEST_RATIO),

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 from lumped.parameters import Parameter, Range, check_range, is_traced, parameter
 
-_EDGE = 1e-12
+EDGE = 1e-12
 """Least distance of a uniform number from 0 and 1."""
 
 
@@ -21,12 +21,19 @@ class AbstractSpread(eqx.Module):
     ranges: ClassVar[Range]
 
     def __check_init__(self):
-        """Refuse numbers out of their range; traced ones pass.
+        """Refuse numbers out of their range, and bounds that do not ascend; traced ones pass.
 
         Raises:
-            ValueError: a concrete number is out of its range.
+            ValueError: a concrete number is out of its range, or the upper bound of a distribution
+                that has bounds is not above the lower one.
         """
         check_range(self)
+        if not isinstance(self, Uniform | Truncated) or is_traced(self.low, self.high):
+            return
+        if np.any(self.high <= self.low):
+            raise ValueError(
+                f"{type(self).__name__}: high = {self.high} is not above low = {self.low}"
+            )
 
     @abc.abstractmethod
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -79,14 +86,6 @@ class Uniform(AbstractSpread):
     low: Parameter = parameter()
     high: Parameter = parameter()
 
-    def __check_init__(self):
-        """Refuse bounds that do not ascend; traced ones pass.
-
-        Raises:
-            ValueError: the upper bound is not above the lower one.
-        """
-        _check_bounds(self)
-
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Low + (high − low) Φ(z)."""
         return self.low + (self.high - self.low) * norm.cdf(z)
@@ -107,23 +106,8 @@ class Truncated(AbstractSpread):
     low: Parameter = parameter()
     high: Parameter = parameter()
 
-    def __check_init__(self):
-        """Refuse bounds that do not ascend; traced ones pass.
-
-        Raises:
-            ValueError: the upper bound is not above the lower one.
-        """
-        _check_bounds(self)
-
     def value(self, z: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Mean + sd Φ⁻¹(Φ(a) + Φ(z) (Φ(b) − Φ(a))) with the bounds a, b in standard deviations."""
         a, b = (norm.cdf((bound - self.mean) / self.sd) for bound in (self.low, self.high))
-        inside = norm.ppf(jnp.clip(a + norm.cdf(z) * (b - a), _EDGE, 1.0 - _EDGE))
+        inside = norm.ppf(jnp.clip(a + norm.cdf(z) * (b - a), EDGE, 1.0 - EDGE))
         return jnp.clip(self.mean + self.sd * inside, self.low, self.high)
-
-
-def _check_bounds(spread: Uniform | Truncated) -> None:
-    low, high = spread.low, spread.high
-    check_range(spread)
-    if not is_traced(low, high) and np.any(high <= low):
-        raise ValueError(f"{type(spread).__name__}: high = {high} is not above low = {low}")

@@ -33,7 +33,7 @@ from jaxtyping import Array, Float, Int
 from scipy.special import ndtri
 from scipy.stats import qmc
 
-from calibration.spreads import AbstractSpread
+from calibration.spreads import EDGE, AbstractSpread
 from calibration.sweep import BATCH
 
 MOST_FAILED = 0.01
@@ -50,9 +50,6 @@ SHARPEST = 0.15
 
 FARTHEST = 3.0
 """Standard deviations by which the nearest sample may miss the evidence."""
-
-_EDGE = 1e-12
-"""Least distance of a uniform number from 0 and 1."""
 
 
 class Evidence(NamedTuple):
@@ -151,7 +148,7 @@ class Uncertainty(eqx.Module):
         if sharp == 1.0:
             return self.interval(level)
         scale = np.std(z) * sharp / np.sqrt(1.0 - sharp**2)
-        weights = np.exp(-0.5 * ((z - np.median(z)) / max(scale, _EDGE)) ** 2)
+        weights = np.exp(-0.5 * ((z - np.median(z)) / max(scale, EDGE)) ** 2)
         return _bounds(self.samples, level, weights)
 
 
@@ -308,7 +305,7 @@ def standard_normals(n: int, n_inputs: int, seed: int = 0) -> Float[np.ndarray, 
     """A scrambled Sobol sequence of standard normal numbers, as many as the next power of two."""
     sequence = qmc.Sobol(n_inputs, scramble=True, rng=np.random.default_rng(seed))
     uniform = sequence.random_base2(int(np.ceil(np.log2(n))))
-    return ndtri(np.clip(uniform, _EDGE, 1.0 - _EDGE))
+    return ndtri(np.clip(uniform, EDGE, 1.0 - EDGE))
 
 
 def _bounds(

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic.dataclasses import dataclass
 
-from lumped.units import MMHG
+from lumped.nominal import IM_FACTOR_SD, LOSS_SD, P_VENOUS_RANGE, PERIOD_SD, PRESSURE_SD
 from study.case.schema import Number, Quantity
 
 
@@ -28,20 +28,22 @@ class UncertaintyParameters:
     pressure_sd: Annotated[
         Number,
         Quantity("pressure", "mmHg", 0.0, 30.0, text="sd of each aortic pressure"),
-    ] = 3.0 * MMHG
+    ] = PRESSURE_SD
     period_sd: Annotated[
         Number, Quantity("ratio", "", 0.0, 0.3, text="sd of the period, relative")
-    ] = 0.02
-    loss_sd: Annotated[Number, Quantity("ratio", "", 0.0, 1.5, text="sd of log R0 and log K")] = 0.3
+    ] = PERIOD_SD
+    loss_sd: Annotated[Number, Quantity("ratio", "", 0.0, 1.5, text="sd of log R0 and log K")] = (
+        LOSS_SD
+    )
     im_factor_sd: Annotated[
         Number, Quantity("ratio", "", 0.0, 1.5, text="sd of the logarithm of im_factor")
-    ] = 0.3
+    ] = IM_FACTOR_SD
     P_venous_low: Annotated[
         Number, Quantity("pressure", "mmHg", 0.0, 30.0, text="least venous pressure")
-    ] = 3.0 * MMHG
+    ] = P_VENOUS_RANGE[0]
     P_venous_high: Annotated[
         Number, Quantity("pressure", "mmHg", 0.1, 40.0, text="largest venous pressure")
-    ] = 12.0 * MMHG
+    ] = P_VENOUS_RANGE[1]
     bed_factor: Annotated[
         Number | None,
         Quantity(

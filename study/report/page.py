@@ -14,7 +14,7 @@ from study.report.number_formats import signed, significant, span, with_sd
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure
-from study.report.uncertainty_words import RULES_ONLY, help_rows, interval_words, uncertainty_words
+from study.report.uncertainty_words import RULES_ONLY, help_rows, uncertainty_words
 from study.report.wall_figures import MODELS, wall_figure
 from study.run.limits import AREA_BOUND, FFR_THRESHOLD
 from study.store.document_rows import gap_rows, laws, ratio_rows
@@ -44,7 +44,7 @@ def html_report(document: Document, pictures: Pictures | None = None) -> str:
         gaps=list(gap_rows(document)),
         windkessels=list(windkessel_rows(document)),
         top=top_sensitivities(document),
-        uncertainty=[(e, interval_words(e), help_rows(e)) for e in document.get("uncertainty", [])],
+        uncertainty=[(e, help_rows(e)) for e in document.get("uncertainty", [])],
         uncertainty_words=uncertainty_words(document.get("uncertainty", [])),
         rules_only=RULES_ONLY,
         called=NAMES,

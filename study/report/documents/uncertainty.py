@@ -13,7 +13,8 @@ class UncertaintyCause:
         name: of the number.
         share: of the variance, to first order [-].
         change: of FFR by one standard deviation of the number [-].
-        interval_if_known: 5th and 95th percentile of FFR if the number were known exactly [-].
+        interval_if_known: 5th and 95th percentile of FFR if the number were known to 15 % of its
+            standard deviation [-].
     """
 
     name: str

@@ -22,6 +22,7 @@ BENCHMARKS = (
     "vascular",
     "fits",
     "coverage",
+    "posterior",
     "meshing",
     "verification",
     "wall",

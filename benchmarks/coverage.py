@@ -24,14 +24,13 @@ from calibration import (
     Uncertainty,
     patient_inputs,
     stress_evidence,
-    uncertainty,
 )
 from lumped import Surrogate, condition_from_clinic, nominal_coronary, stress_rule
-from study.run.ratio_uncertainty import RESERVE_ERROR
+from study.run.ratio_uncertainty import RESERVE_ERROR, ratio_uncertainty
 
 SEED = 20261126
 N_PATIENTS = 200
-N_SAMPLES = 2**8
+N_SAMPLES = 2**12
 COVERS = (0.86, 0.94)
 LIMIT = 0.80
 REST_RATIO_ERROR = 0.014
@@ -94,7 +93,7 @@ def run(rounds: int = 1) -> dict[str, Any]:
 def predicted(patient: Mapping[str, Any], *, n_samples: int = N_SAMPLES) -> Prediction:
     """FFR of a patient with its uncertainty, from what was measured alone."""
     seen = patient["measured"]
-    model = _model(patient)
+    model = patient_model(patient)
     errors = MeasurementErrors(rest_ratio=REST_RATIO_ERROR)
     evidence = stress_evidence(patient["drug"], patient["age_group"])
     start = time.perf_counter()
@@ -102,21 +101,18 @@ def predicted(patient: Mapping[str, Any], *, n_samples: int = N_SAMPLES) -> Pred
     measured = []
     if reserve is not None:
         measured = [Evidence(model.reserve, reserve, RESERVE_ERROR * reserve)]
-    found = uncertainty(
-        model.ffr,
-        patient_inputs(model, evidence, errors),
-        evidence=measured,
-        n_samples=n_samples,
-    )
+    inputs = patient_inputs(model, evidence, errors)
+    found = ratio_uncertainty(model, inputs, measured, n_samples=n_samples)
     seconds = time.perf_counter() - start
     point = {}
     for name in ("printed", "all"):
-        other = _model(patient, name)
+        other = patient_model(patient, name)
         point[name] = float(other.ffr({}))
     return Prediction(patient, found, point, seconds)
 
 
-def _model(patient: Mapping[str, Any], rule: str = "all") -> StressRatio:
+def patient_model(patient: Mapping[str, Any], rule: str = "all") -> StressRatio:
+    """A patient as seen by the measurements, with a stress rule."""
     seen = patient["measured"]
     bed = nominal_coronary(im_factor=_IM_FACTOR[patient["side"]])
     artery = Surrogate(R0=seen["R0_dyn_s_per_cm5"], K=seen["K_dyn_s2_per_cm8"], coronary=bed)

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
         lumen_law,
         lumen_losses,
     )
+    from calibration.reweighting import Evidence
     from calibration.sensitivity import (
         REST_RULE,
         RatioResponse,
@@ -54,7 +55,7 @@ if TYPE_CHECKING:
     )
     from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
     from calibration.stress_evidence import StressEvidence, stress_evidence
-    from calibration.stress_ratio import StressRatio
+    from calibration.stress_ratio import STRESS_LOSS, FormFactors, StressRatio
     from calibration.sweep import (
         Calibrations,
         Sweep,
@@ -76,7 +77,14 @@ if TYPE_CHECKING:
         systolic_target,
         waveform_target,
     )
-    from calibration.uncertainty import Evidence, Uncertainty, standard_normals, uncertainty
+    from calibration.two_levels import Correction, Runs, correction
+    from calibration.uncertainty import (
+        Uncertainty,
+        evaluate,
+        interval_bounds,
+        standard_normals,
+        uncertainty,
+    )
     from calibration.vascular import FreeParameters, VesselFit, calibrate_vessels
     from calibration.vessel_record import (
         VesselParameters,

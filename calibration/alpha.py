@@ -310,9 +310,13 @@ def _steady_alpha(direct: Network, target: Array) -> Array:
     drop = (1.0 - target) * P_mean
     R0 = ostium.R_viscous
     K = 0.0 if ostium.K_stenosis is None else ostium.K_stenosis
-    # stable for K → 0, where the quadratic formula cancels
-    Q = 2.0 * drop / (R0 + jnp.sqrt(R0**2 + 4.0 * K * drop))
+    Q = steady_flow(R0, K, drop)
     return (target * P_mean - bed.P_venous) / (Q * bed.R_total)
+
+
+def steady_flow(R: Parameter, K: Parameter, drop: Parameter) -> Array:
+    """Flow Q of a drop R Q + K Q² [cm³/s]; stable for K → 0, where the usual formula cancels."""
+    return 2.0 * drop / (R + jnp.sqrt(R**2 + 4.0 * K * drop))
 
 
 def _calibrate_nonlinear(

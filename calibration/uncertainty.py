@@ -16,10 +16,12 @@ samples would have the weights of such a measurement::
     exp(−(z_i − m_i)²/2s²),   1/s² = 1/(c σ_i)² − 1/σ_i²
 
 Evidence, a measured value m ± s of something that the same inputs predict as f(z), weighs the
-samples by exp(−(f(z) − m)²/2s²) (Bayes' rule); they are drawn again by their weights.
+samples by exp(−(f(z) − m)²/2s²) (`calibration.reweighting`).
 
-Source: Smith 2013, Uncertainty Quantification, chapters 8 and 15; Owen 1998, ACM TOMACS 8:71;
-Douc & Cappé 2005, Comparison of resampling schemes (systematic resampling).
+A costly scalar, such as FFR of a 3D run, is sampled through a cheap one that follows it and a few
+runs that say what the cheap one lacks (`calibration.two_levels`).
+
+Source: Smith 2013, Uncertainty Quantification, chapters 8 and 15; Owen 1998, ACM TOMACS 8:71.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,41 +31,23 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
-from scipy.special import ndtri
+from jaxtyping import Array, Float
+from scipy.special import betainc, ndtri
 from scipy.stats import qmc
 
+from calibration.reweighting import LEAST_EFFECTIVE, Evidence, agreeing, drawn_again
 from calibration.spreads import EDGE, AbstractSpread
 from calibration.sweep import BATCH
+from calibration.two_levels import Correction, Runs, correction
 
 MOST_FAILED = 0.01
 """Share of the samples that may have no value."""
-
-LEAST_EFFECTIVE = 30.0
-"""Samples of equal weight that must be left with evidence."""
 
 MOST_ROUNDS = 16
 """Times that the samples are drawn, each in another sequence, until enough agree with evidence."""
 
 SHARPEST = 0.15
 """Least standard deviation of an input that is known better, over that now."""
-
-FARTHEST = 3.0
-"""Standard deviations by which the nearest sample may miss the evidence."""
-
-
-class Evidence(NamedTuple):
-    """A measured value of something that the inputs predict.
-
-    Attributes:
-        predicted: gives it from a value of each input by name and from the scalar there.
-        value: what was measured.
-        sd: its standard deviation.
-    """
-
-    predicted: Callable[[dict[str, Array], Float[Array, ""]], Float[Array, ""]]
-    value: float
-    sd: float
 
 
 class Uncertainty(eqx.Module):
@@ -77,6 +61,7 @@ class Uncertainty(eqx.Module):
         samples: values of the scalar there, those without one left out.
         n_failed: samples without a value.
         n_effective: samples of equal weight that say as much as those with evidence.
+        corrections: what runs of costlier scalars added, in turn.
     """
 
     nominal: float
@@ -85,6 +70,7 @@ class Uncertainty(eqx.Module):
     samples: Float[np.ndarray, " samples"]
     n_failed: int
     n_effective: float
+    corrections: tuple[Correction, ...] = ()
 
     @property
     def median(self) -> float:
@@ -157,6 +143,7 @@ def uncertainty(
     inputs: Mapping[str, AbstractSpread],
     *,
     evidence: Sequence[Evidence] = (),
+    runs: Sequence[Runs] = (),
     n_samples: int = 2**12,
     batch_size: int = BATCH,
     seed: int = 0,
@@ -168,36 +155,36 @@ def uncertainty(
             there is none.
         inputs: distribution of each input, before the evidence.
         evidence: what was measured besides.
+        runs: a costlier and better scalar beside this one at a few inputs, then a still costlier
+            one beside that, and so on; what each lacks of the next is learned from them.
         n_samples: samples, rounded up to a power of two.
         batch_size: samples evaluated at once.
         seed: of the scrambling.
 
     Raises:
-        ValueError: no input, less than two samples, or evidence without a standard deviation.
+        ValueError: no input, less than two samples, evidence without a standard deviation, or runs
+            of other inputs.
         RuntimeError: the scalar has no value or derivative at the medians, lacks one in more than
             `MOST_FAILED` of the samples, or hardly any sample agrees with the evidence.
     """
-    if not inputs:
-        raise ValueError("nothing is uncertain: give at least one input")
-    if n_samples < 2:
-        raise ValueError(f"n_samples = {n_samples!r}: at least 2 are needed")
-    if any(not e.sd > 0.0 for e in evidence):
-        raise ValueError("each piece of evidence needs a standard deviation above 0")
+    _check(inputs, evidence, runs, n_samples)
     names = tuple(inputs)
     spreads, functions = _traced(
         (tuple(inputs.values()), (scalar, *(e.predicted for e in evidence)))
     )
-    nominal, slopes = _sloped(jnp.zeros(len(names)), names, spreads, functions[0])
-    slopes = np.asarray(slopes)
-    if not (np.isfinite(float(nominal)) and np.all(np.isfinite(slopes))):
+    middle = jnp.zeros(len(names))
+    nominal, slopes = (np.asarray(v) for v in _sloped(middle, names, spreads, functions[0]))
+    if not (np.isfinite(nominal) and np.all(np.isfinite(slopes))):
         missing = [n for n, g in zip(names, slopes, strict=True) if not np.isfinite(g)]
         raise RuntimeError(
             f"the scalar is {float(nominal):g} where all inputs have their medians, with no"
             f" derivative by {', '.join(missing) or 'none'}. Check those inputs."
         )
-    z, values, predicted = _samples(
-        n_samples, names, spreads, functions, evidence, batch_size, seed
-    )
+    learned = tuple(correction(level) for level in runs)
+    for level in learned:
+        nominal, slopes = level(middle, nominal), level.slope(slopes)
+    model = _Model(names, spreads, functions, learned, batch_size)
+    z, values, predicted = _samples(n_samples, model, evidence, seed)
     good = np.all([np.isfinite(p) for p in (values, *predicted)], axis=0)
     n_failed = int(np.sum(~good))
     if n_failed > MOST_FAILED * len(values):
@@ -208,16 +195,115 @@ def uncertainty(
     z, values = z[good], values[good]
     n_effective = float(len(values))
     if evidence:
-        chosen, n_effective = _drawn_again([p[good] for p in predicted], evidence, seed)
+        chosen, n_effective = drawn_again([p[good] for p in predicted], evidence, seed)
         slopes = slopes * np.std(z[chosen], axis=0) / np.std(z, axis=0)
         z, values = z[chosen], values[chosen]
     by_name = dict(zip(names, slopes.tolist(), strict=True))
-    return Uncertainty(float(nominal), by_name, z, values, n_failed, n_effective)
+    return Uncertainty(float(nominal), by_name, z, values, n_failed, n_effective, learned)
+
+
+def evaluate(
+    costly: Callable[[dict[str, Array]], Float[Array, ""]],
+    cheap: Callable[[dict[str, Array]], Float[Array, ""]],
+    inputs: Mapping[str, AbstractSpread],
+    n_runs: int,
+    *,
+    batch_size: int = BATCH,
+    seed: int = 0,
+) -> Runs:
+    """A costly and a cheap scalar at a few inputs, for `uncertainty` of the cheap one.
+
+    Args:
+        costly: gives it from a value of each input by name; jittable.
+        cheap: likewise.
+        inputs: see `uncertainty`.
+        n_runs: runs, rounded up to a power of two.
+        batch_size: runs made at once.
+        seed: of the scrambling.
+    """
+    z = standard_normals(n_runs, len(inputs), seed)
+    spreads, scalars = _traced((tuple(inputs.values()), (costly, cheap)))
+    of_costly, of_cheap = (
+        np.asarray(_evaluated(jnp.asarray(z), tuple(inputs), spreads, scalar, batch_size))
+        for scalar in scalars
+    )
+    return Runs(of_costly, of_cheap, z)
+
+
+def interval_bounds(
+    scalar: Callable[[dict[str, Array]], Float[Array, ""]],
+    inputs: Mapping[str, AbstractSpread],
+    *,
+    level: float = 0.9,
+    n_samples: int = 2**12,
+    batch_size: int = BATCH,
+    seed: int = 0,
+) -> Float[Array, "2"]:
+    """Lower and upper bound of a scalar's interval, differentiable by the numbers of the inputs.
+
+    So a derivative of the width by the standard deviation of a measurement says what a better one
+    is worth. The quantile p of n samples is their mean in ascending order, weighed by the beta
+    distribution with parameters p (n + 1) and (1 − p)(n + 1): smooth, where a single sample is not.
+
+    Args:
+        scalar: see `uncertainty`; a sample without a value makes the bounds NaN.
+        inputs: likewise.
+        level: part of the samples inside.
+        n_samples: likewise.
+        batch_size: likewise.
+        seed: likewise.
+
+    Raises:
+        ValueError: no input, less than two samples, or a level that is not between 0 and 1.
+
+    Source: Harrell & Davis 1982, Biometrika 69:635.
+    """
+    _check(inputs, (), (), n_samples)
+    tail = _tail(level)
+    z = standard_normals(n_samples, len(inputs), seed)
+    spreads, scalar = _traced((tuple(inputs.values()), scalar))
+    values = _evaluated(jnp.asarray(z), tuple(inputs), spreads, scalar, batch_size)
+    n = len(z)
+    below = np.linspace(0.0, 1.0, n + 1)
+    weights = [
+        np.diff(betainc(p * (n + 1), (1.0 - p) * (n + 1), below)) for p in (tail, 1.0 - tail)
+    ]
+    return jnp.asarray(np.array(weights)) @ jnp.sort(values)
+
+
+def _check(
+    inputs: Mapping[str, AbstractSpread],
+    evidence: Sequence[Evidence],
+    runs: Sequence[Runs],
+    n_samples: int,
+) -> None:
+    if not inputs:
+        raise ValueError("nothing is uncertain: give at least one input")
+    if n_samples < 2:
+        raise ValueError(f"n_samples = {n_samples!r}: at least 2 are needed")
+    if any(not e.sd > 0.0 for e in evidence):
+        raise ValueError("each piece of evidence needs a standard deviation above 0")
+    for level in runs:
+        if level.z is not None and level.z.shape != (len(level.costly), len(inputs)):
+            raise ValueError(
+                f"{len(level.costly)} runs have inputs of shape {level.z.shape}: give one row a run"
+                f" and one column an input, of which there are {len(inputs)}"
+            )
+
+
+class _Model(NamedTuple):
+    """A scalar of inputs, what it predicts of the evidence, and what runs add to it."""
+
+    names: tuple[str, ...]
+    spreads: tuple[AbstractSpread, ...]
+    functions: tuple[Any, ...]
+    corrections: tuple[Correction, ...]
+    batch_size: int
 
 
 def _traced(tree: Any) -> Any:
     """The same with arrays for plain numbers, so that other numbers are not compiled anew."""
-    return jax.tree.map(lambda a: jnp.asarray(a) if eqx.is_inexact_array_like(a) else a, tree)
+    return jax.tree.map(lambda a: jnp.asarray(a) if isinstance(a, float | np.ndarray) else a, tree)
 
 
 def _inputs(
@@ -232,73 +318,46 @@ def _sloped(z, names, spreads, scalar) -> tuple[Array, Array]:
 
 
 @eqx.filter_jit
-def _evaluated(z, names, spreads, functions, batch_size: int) -> tuple[Array, ...]:
-    """The scalar and what it predicts of the evidence at each sample."""
+def _evaluated(z, names, spreads, scalar, batch_size: int) -> Array:
+    """The scalar at each sample."""
+    return jax.lax.map(lambda z: scalar(_inputs(z, names, spreads)), z, batch_size=batch_size)
 
-    def row(z: Float[Array, " inputs"]) -> tuple[Array, ...]:
-        x = _inputs(z, names, spreads)
-        value = functions[0](x)
-        return (value, *(predicted(x, value) for predicted in functions[1:]))
 
-    return jax.lax.map(row, z, batch_size=batch_size)
+@eqx.filter_jit
+def _predicted(z, values, names, spreads, functions, batch_size: int) -> tuple[Array, ...]:
+    """What each sample predicts of the evidence."""
+
+    def row(sample: tuple[Array, Array]) -> tuple[Array, ...]:
+        x = _inputs(sample[0], names, spreads)
+        return tuple(predicted(x, sample[1]) for predicted in functions)
+
+    return jax.lax.map(row, (z, values), batch_size=batch_size)
 
 
 def _samples(
-    n: int, names, spreads, functions, evidence: Sequence[Evidence], batch_size: int, seed: int
+    n: int, model: _Model, evidence: Sequence[Evidence], seed: int
 ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Samples, the scalar there and what is predicted of the evidence, until enough agree."""
     parts: list[list[np.ndarray]] = []
     while True:
-        z = standard_normals(n, len(names), seed + len(parts))
-        found = _evaluated(jnp.asarray(z), names, spreads, functions, batch_size)
-        parts.append([z, *(np.asarray(v) for v in found)])
+        parts.append(_drawn(n, model, seed + len(parts)))
         z, values, *predicted = (np.concatenate(column) for column in zip(*parts, strict=True))
         good = np.all([np.isfinite(p) for p in (values, *predicted)], axis=0)
         enough = not evidence or len(parts) == MOST_ROUNDS
-        if enough or _agreeing([p[good] for p in predicted], evidence) >= LEAST_EFFECTIVE:
+        if enough or agreeing([p[good] for p in predicted], evidence) >= LEAST_EFFECTIVE:
             return z, values, predicted
 
 
-def _weights(
-    predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence]
-) -> tuple[Float[np.ndarray, " samples"], float]:
-    """Weight of each sample, and how far the nearest one is from the evidence."""
-    misfit = sum(((p - e.value) / e.sd) ** 2 for p, e in zip(predicted, evidence, strict=True))
-    misfit = np.asarray(misfit)
-    if not misfit.size:
-        return misfit, np.inf
-    weights = np.exp(-0.5 * (misfit - np.min(misfit)))
-    return weights / np.sum(weights), float(np.sqrt(np.min(misfit)))
-
-
-def _agreeing(
-    predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence]
-) -> float:
-    """Samples of equal weight that agree with the evidence; infinite where none comes near."""
-    weights, farthest = _weights(predicted, evidence)
-    return np.inf if farthest > FARTHEST else float(1.0 / np.sum(weights**2))
-
-
-def _drawn_again(
-    predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence], seed: int
-) -> tuple[Int[np.ndarray, " samples"], float]:
-    """Samples drawn by their weights, and how many of equal weight say as much."""
-    weights, farthest = _weights(predicted, evidence)
-    if farthest > FARTHEST:
-        raise RuntimeError(
-            f"what was measured and the other numbers contradict each other: the nearest of"
-            f" {len(weights)} samples is {farthest:.1f} standard deviations away. Check the"
-            " measured value and its standard deviation, or widen the other numbers."
-        )
-    n_effective = float(1.0 / np.sum(weights**2))
-    if n_effective < LEAST_EFFECTIVE:
-        raise RuntimeError(
-            f"only {n_effective:.0f} of {len(weights)} samples agree with what was measured."
-            " Give it a larger standard deviation, or take more samples."
-        )
-    n = len(weights)
-    places = (np.arange(n) + np.random.default_rng(seed).uniform()) / n
-    return np.minimum(np.searchsorted(np.cumsum(weights), places), n - 1), n_effective
+def _drawn(n: int, model: _Model, seed: int) -> list[np.ndarray]:
+    """Samples, the scalar there, and what is predicted of each piece of evidence."""
+    names, spreads, (scalar, *functions), learned, batch_size = model
+    z = standard_normals(n, len(names), seed)
+    values = np.asarray(_evaluated(jnp.asarray(z), names, spreads, scalar, batch_size))
+    rng = np.random.default_rng(seed)
+    for level in learned:
+        values = np.asarray(level(z, values)) + level.error * rng.standard_normal(len(z))
+    found = _predicted(z, values, names, spreads, tuple(functions), batch_size)
+    return [z, values, *(np.asarray(p) for p in found)]
 
 
 def standard_normals(n: int, n_inputs: int, seed: int = 0) -> Float[np.ndarray, "samples inputs"]:
@@ -313,9 +372,7 @@ def _bounds(
     level: float,
     weights: Float[np.ndarray, " samples"] | None = None,
 ) -> tuple[float, float]:
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"level = {level!r} is not between 0 and 1")
-    tail = (1.0 - level) / 2.0
+    tail = _tail(level)
     if weights is None:
         low, high = np.quantile(samples, [tail, 1.0 - tail])
     else:
@@ -324,3 +381,10 @@ def _bounds(
         share = (below - 0.5 * weights[order]) / below[-1]
         low, high = np.interp([tail, 1.0 - tail], share, samples[order])
     return float(low), float(high)
+
+
+def _tail(level: float) -> float:
+    """Part of the samples below an interval."""
+    if not 0.0 < level < 1.0:
+        raise ValueError(f"level = {level!r} is not between 0 and 1")
+    return (1.0 - level) / 2.0

@@ -19,6 +19,7 @@ from study.cli.argument_values import (
 from study.cli.help_texts import DESCRIPTION, EPILOG, HELP
 from study.cli.request import Request, ShowOptions, TemplateOptions
 from study.report.documents import document_kinds
+from study.run.limits import MOST_DRAWN
 from study.store.numerics import installed
 from study.store.options import (
     KINDS,
@@ -234,6 +235,15 @@ def _simulation_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def _study_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--uncertainty",
+        nargs="?",
+        const=0,
+        type=count(0, MOST_DRAWN),
+        metavar="RUNS",
+        help="give each FFR an interval, with its causes; RUNS further runs in 3D of each condition"
+        f" say how well 0D follows 3D: 0 to {MOST_DRAWN}, default: 0",
+    )
     _key_arguments(command, MeshOptions, "preset")
     _key_arguments(command, SolverOptions, "dt")
     command.add_argument(

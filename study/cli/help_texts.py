@@ -102,6 +102,7 @@ examples:
   jaxfsi study case.toml --cycles 4 --continued      four cycles at rest, then four under stress
   jaxfsi study case.toml --rules printed,all --nominal
   jaxfsi study case.toml --sensitivities dobutamine  and which piece of the lumen moves FFR
+  jaxfsi study case.toml --uncertainty 4             each FFR in 3D with an interval and its causes
   jaxfsi study --demo --quick --out results          the bundled patient in about five minutes
 
 needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,

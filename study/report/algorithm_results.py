@@ -22,11 +22,13 @@ from study.report.headline import Reading, headline, headline_numbers
 from study.report.older_parts import older_parts
 from study.report.pictures import Drawn
 from study.report.sensitivity_part import sensitivity_parts
+from study.report.uncertainty_part import uncertainty_parts
 from study.run.lumen_parts import measured_states
 from study.run.results import Run3D
 from study.run.study_parts import Sensitivity
 from study.run.study_result import StudyResult
 from study.run.tuning import ratio_error
+from study.store.json_form import ABSENT
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by
 from study.store.provenance import Provenance
@@ -90,6 +92,11 @@ def study_document(
         computed=result.computed,
         numerics=decided_by("study"),
         provenance=provenance,
+        uncertainty=(
+            ABSENT
+            if result.uncertainty is None
+            else uncertainty_parts(result.uncertainty, QUADRATIC)
+        ),
     )
 
 

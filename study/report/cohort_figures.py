@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from study.report.number_formats import signed
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, svg
+from study.run.limits import FFR_THRESHOLD
 from study.store.result_names import CALIBRATED, FIXED, FIXED_0D
 
 Document = Mapping[str, Any]
@@ -35,6 +36,40 @@ def cohort_figures(document: Document) -> dict[str, str]:
         )
         for condition, rule in settings
     }
+
+
+def interval_figure(document: Document) -> str:
+    """Medians and intervals over measured FFR, one panel a condition; empty without them."""
+    every = [e for e in document.get("intervals", []) if e["measured"] is not None]
+    conditions = list(dict.fromkeys(e["condition"] for e in every))
+    if not every:
+        return ""
+    low = min(min(e["low"], e["measured"]) for e in every) - 0.03
+    limits = (low, max(max(e["high"], e["measured"]) for e in every) + 0.02)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(4.4 * len(conditions), 4.2), layout="constrained")
+        for axes, condition in zip(
+            figure.subplots(1, len(conditions), squeeze=False)[0], conditions, strict=True
+        ):
+            entries = [e for e in every if e["condition"] == condition]
+            axes.axvline(FFR_THRESHOLD, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
+            axes.axhline(FFR_THRESHOLD, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
+            axes.plot(limits, limits, color=GREY, linewidth=1.0)
+            for entry in entries:
+                colour = _COLOUR[entry["side"]]
+                axes.plot(
+                    [entry["measured"]] * 2, [entry["low"], entry["high"]], color=colour,
+                    linewidth=2.0, alpha=0.45,
+                )  # fmt: skip
+                axes.plot(entry["measured"], entry["median"], "o", color=colour, markersize=5.0)
+            inside = sum(e["low"] <= e["measured"] <= e["high"] for e in entries)
+            axes.set_xlim(*limits)
+            axes.set_ylim(*limits)
+            axes.set_aspect("equal")
+            axes.set_xlabel("measured")
+            axes.set_ylabel("predicted, 90 %")
+            axes.set_title(f"{condition}: {inside} of {len(entries)} inside")
+        return svg(figure, "cohort-intervals")
 
 
 def agreement_figure(document: Document, condition: str, rule: str | None) -> str:

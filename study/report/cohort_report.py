@@ -1,6 +1,6 @@
 """The page of a cohort."""
 
-from study.report.cohort_figures import cohort_figures
+from study.report.cohort_figures import cohort_figures, interval_figure
 from study.report.cohort_rows import pair_rows
 from study.report.page import rendered, safe
 from study.store.stored_document import Document
@@ -9,4 +9,7 @@ from study.store.stored_document import Document
 def cohort_report(document: Document) -> str:
     """The page of a cohort, its figures inside."""
     figures = safe(cohort_figures(document))
-    return rendered("cohort.html", d=document, rows=pair_rows(document), fig=figures)
+    intervals = safe({"intervals": interval_figure(document)})["intervals"]
+    return rendered(
+        "cohort.html", d=document, rows=pair_rows(document), fig=figures, intervals=intervals
+    )

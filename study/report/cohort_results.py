@@ -24,10 +24,12 @@ from study.report.documents.cohort import (
     CohortChange,
     CohortDocument,
     CohortGroup,
+    CohortInterval,
     CohortPatient,
 )
 from study.run.members import MemberResult
 from study.store.document_rows import ratio_name
+from study.store.json_form import ABSENT
 from study.store.layouts import FORMAT
 from study.store.options import Mode
 from study.store.provenance import Provenance
@@ -56,18 +58,21 @@ def cohort_document(
     """
     pairs: list[Pair] = []
     patients: list[CohortPatient] = []
+    intervals: list[CohortInterval] = []
     for result in results:
         case = cases[result.member.name]
-        found, patient = readable(
+        found, patient, own = readable(
             result.member.folder,
             result.document or {},
             lambda result=result, case=case: (
                 list(_pairs(result, case, mode)) if result.document else [],
                 _patient(result, case, mode),
+                list(_intervals(result, case)),
             ),
         )
         pairs += found
         patients.append(patient)
+        intervals += own
     return CohortDocument(
         format=FORMAT,
         kind="cohort",
@@ -77,6 +82,7 @@ def cohort_document(
         groups=list(_groups(pairs)),
         changes=list(_changes(pairs)),
         provenance=provenance,
+        intervals=intervals or ABSENT,
     )
 
 
@@ -104,6 +110,22 @@ def _patient(result: MemberResult, case: Case, mode: Mode) -> CohortPatient:
         date=origin.get("date"),
         commit=origin.get("commit"),
     )
+
+
+def _intervals(result: MemberResult, case: Case) -> Iterator[CohortInterval]:
+    """Intervals of a patient's FFR, where they were asked for."""
+    for entry in (result.document or {}).get("uncertainty", []):
+        low, high = entry["interval_90"]
+        yield CohortInterval(
+            patient=result.member.name,
+            side=side_of(case),
+            condition=entry["condition"],
+            measured=case.conditions[entry["condition"]].ffr,
+            median=entry["median"],
+            low=low,
+            high=high,
+            chance_at_or_below_threshold=entry["chance_at_or_below_threshold"],
+        )
 
 
 def _own_alpha(document: Document) -> float | None:

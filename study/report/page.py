@@ -14,7 +14,7 @@ from study.report.number_formats import signed, significant, span, with_sd
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure
-from study.report.uncertainty_words import RULES_ONLY, help_rows, uncertainty_words
+from study.report.uncertainty_words import RULES_ONLY, uncertainty_rows, uncertainty_words
 from study.report.wall_figures import MODELS, wall_figure
 from study.run.limits import AREA_BOUND, FFR_THRESHOLD
 from study.store.document_rows import gap_rows, laws, ratio_rows
@@ -44,8 +44,8 @@ def html_report(document: Document, pictures: Pictures | None = None) -> str:
         gaps=list(gap_rows(document)),
         windkessels=list(windkessel_rows(document)),
         top=top_sensitivities(document),
-        uncertainty=[(e, help_rows(e)) for e in document.get("uncertainty", [])],
-        uncertainty_words=uncertainty_words(document.get("uncertainty", [])),
+        uncertainty=uncertainty_rows(document),
+        uncertainty_words=uncertainty_words(document),
         rules_only=RULES_ONLY,
         called=NAMES,
     )

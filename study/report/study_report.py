@@ -5,9 +5,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from study.report.algorithm_figures import study_figures
+from study.report.figures import NAMES
 from study.report.page import rendered, safe
 from study.report.pictures import stored_films, stored_study_pictures
 from study.report.simulation_pictures import PICTURES
+from study.report.uncertainty_figures import uncertainty_figure
+from study.report.uncertainty_words import RULES_ONLY, uncertainty_rows, uncertainty_words
 
 Document = Mapping[str, Any]
 
@@ -27,7 +30,11 @@ def study_report(
     return rendered(
         "study.html",
         d=document,
-        fig=safe(study_figures(document)),
+        fig=safe({**study_figures(document), "uncertainty": uncertainty_figure(document)}),
+        uncertainty=uncertainty_rows(document),
+        uncertainty_words=uncertainty_words(document),
+        rules_only=RULES_ONLY,
+        called=NAMES,
         picture=pictures,
         film=films,
         captions=PICTURES,

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.report.number_formats import signed
-from study.report.uncertainty_words import RULES_ONLY, uncertainty_words
+from study.report.uncertainty_words import RULES_ONLY, causes_words, uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
 Document = Mapping[str, Any]
@@ -67,10 +67,7 @@ def _next(document: Document) -> Iterator[str]:
 def _run(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield ""
-    if document.get("uncertainty"):
-        yield uncertainty_words(document["uncertainty"])
-        yield ""
-        yield RULES_ONLY
+    yield from _intervals(document)
     yield document["verdict"]
     yield from _small_print(document)
     yield ""
@@ -102,6 +99,17 @@ def _run(document: Document) -> Iterator[str]:
             yield f"! no mesh was made: {mesh['failure']}"
         else:
             yield from _mesh({"patient": document["patient"], **mesh})
+
+
+def _intervals(document: Document) -> Iterator[str]:
+    """FFR with intervals and their causes, where they were asked for."""
+    if not document.get("uncertainty"):
+        return
+    yield uncertainty_words(document)
+    for entry in document["uncertainty"]:
+        yield f"  {entry['condition']}: {causes_words(entry)}"
+    yield ""
+    yield RULES_ONLY
 
 
 def _small_print(document: Document) -> Iterator[str]:
@@ -207,6 +215,7 @@ def _simulation(document: Document) -> Iterator[str]:
 def _study(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield ""
+    yield from _intervals(document)
     yield document["verdict"]
     yield from _small_print(document)
     yield ""
@@ -242,6 +251,11 @@ def _cohort(document: Document) -> Iterator[str]:
             f"{group['condition'][:13]:<14}{group['rule'] or '-':<10}{group['boundary']:<12}"
             f"{group['n']:>4}{signed(group['bias'], 4):>9}{sd:>8}{group['rmse']:>8.4f}"
         )
+    measured = [e for e in document.get("intervals", []) if e["measured"] is not None]
+    if measured:
+        inside = sum(e["low"] <= e["measured"] <= e["high"] for e in measured)
+        yield ""
+        yield f"measured FFR within its 90 % interval: {inside} of {len(measured)}"
     for patient in document["patients"]:
         if patient["status"] != 0:
             yield f"! {patient['name']}: {patient['reason']}"

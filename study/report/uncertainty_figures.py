@@ -49,15 +49,10 @@ def _distribution(axes: Axes, document: Document, entry: Document) -> None:
         ha="center", va="top", fontsize=9.0, color=INK,
     )  # fmt: skip
     axes.axvline(FFR_THRESHOLD, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)))
-    for run in document["runs"]:
-        own = (entry["condition"], entry["law"], "calibrated")
-        if (run["condition"], run["law"], run["boundary"]) == own:
-            axes.plot(run["ffr"], 1.08, "v", color=COLOURS[1], markersize=6.0, clip_on=False)
-            axes.text(
-                run["ffr"], 1.16, f"rule {run['rule']}", ha="center", fontsize=7.5,
-                color=COLOURS[1],
-            )  # fmt: skip
-    measured = document["conditions"][entry["condition"]].get("measured_ffr")
+    for rule, ffr in _by_rule(document, entry):
+        axes.plot(ffr, 1.08, "v", color=COLOURS[1], markersize=6.0, clip_on=False)
+        axes.text(ffr, 1.16, f"rule {rule}", ha="center", fontsize=7.5, color=COLOURS[1])
+    measured = _measured(document, entry["condition"])
     if measured is not None:
         axes.axvline(measured, color=RED, linewidth=2.0)
         axes.text(measured, 0.55, " measured", color=RED, fontsize=8.0)
@@ -66,6 +61,25 @@ def _distribution(axes: Axes, document: Document, entry: Document) -> None:
     axes.set_ylim(-0.45, 1.3)
     axes.grid(visible=False)
     axes.spines["left"].set_visible(False)
+
+
+def _by_rule(document: Document, entry: Document) -> list[tuple[str, float]]:
+    """FFR with each stress rule, in 0D or, of a study, in 3D."""
+    if document["kind"] == "study":
+        rows = [row for row in document["rows"] if row["condition"] == entry["condition"]]
+        return [(row["rule"], row["fsi"]) for row in rows if row["fsi"] is not None]
+    own = (entry["condition"], entry["law"], "calibrated")
+    return [
+        (run["rule"], run["ffr"])
+        for run in document["runs"]
+        if (run["condition"], run["law"], run["boundary"]) == own
+    ]
+
+
+def _measured(document: Document, condition: str) -> float | None:
+    if document["kind"] == "study":
+        return next(r["measured"] for r in document["rows"] if r["condition"] == condition)
+    return document["conditions"][condition].get("measured_ffr")
 
 
 def _causes(axes: Axes, entry: Document) -> None:

@@ -1,10 +1,11 @@
 """What a document holds of the uncertainty of FFR."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from study.report.documents.uncertainty import UncertainFFR, UncertaintyCause
+from study.report.documents.uncertainty import UncertainFFR, UncertaintyCause, UncertaintyLevel
 from study.run.limits import FFR_THRESHOLD
 from study.run.reduced_results import UncertainRatio
 from study.store.json_form import ABSENT
@@ -44,4 +45,23 @@ def _part(one: UncertainRatio, law: str) -> UncertainFFR:
         stress_loss=float(one.evidence.stress_loss.median),
         flow_reserve=reserve,
         flow_reserve_sd=reserve_sd,
+        levels=_levels(one),
     )
+
+
+def _levels(one: UncertainRatio) -> list[UncertaintyLevel]:
+    """How costlier models correct the samples; the last one is that in 3D, where there is one."""
+    found = one.found.corrections
+    names = ["periodic states"] * len(found)
+    if one.in_3d:
+        names[-1] = "runs in 3D"
+    return [
+        UncertaintyLevel(
+            of,
+            level.n_runs,
+            level.kind,
+            level.error,
+            None if math.isnan(level.correlation) else level.correlation,
+        )
+        for of, level in zip(names, found, strict=True)
+    ]

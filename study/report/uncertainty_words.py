@@ -1,8 +1,9 @@
 """What a page says of the uncertainty of FFR, from a document."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
+from study.report.figures import NAMES
 from study.report.headline import percent
 from study.run.limits import FFR_THRESHOLD
 
@@ -10,8 +11,9 @@ LEAST_SHARE = 0.01
 """Share of the variance below which a cause is not shown."""
 
 
-def uncertainty_words(entries: Sequence[Mapping[str, Any]]) -> str:
-    """The intervals in a sentence; empty where there are none."""
+def uncertainty_words(document: Mapping[str, Any]) -> str:
+    """The intervals of a run or a study in a sentence; empty where there are none."""
+    entries = document.get("uncertainty", [])
     if not entries:
         return ""
     return f"With all that is uncertain: {'; '.join(interval_words(e) for e in entries)}."
@@ -42,3 +44,25 @@ def help_rows(entry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
         a, b = cause["interval_if_known"]
         rows.append({**cause, "narrower": 1.0 - (b - a) / width if width > 0.0 else 0.0})
     return sorted(rows, key=lambda row: -row["narrower"])
+
+
+def causes_words(entry: Mapping[str, Any]) -> str:
+    """The causes worth a word, with their shares of the variance."""
+    shown = [cause for cause in entry["causes"] if cause["share"] >= 0.05]
+    parts = [f"{NAMES.get(c['name'], c['name'])} {100.0 * c['share']:.0f} %" for c in shown]
+    return f"of its variance, {', '.join(parts)}"
+
+
+def level_words(entry: Mapping[str, Any]) -> str:
+    """How many samples there are, and what corrects them."""
+    found = [f"{entry['n_samples']} draws"]
+    for level in entry.get("levels", []):
+        found.append(f"corrected by {level['runs']} {level['of']} (error {level['error']:.4f})")
+    return ", ".join(found)
+
+
+def uncertainty_rows(
+    document: Mapping[str, Any],
+) -> list[tuple[Mapping[str, Any], list[Mapping[str, Any]], str]]:
+    """What a page shows of each condition: the entry, causes worth measuring, how it was found."""
+    return [(e, help_rows(e), level_words(e)) for e in document.get("uncertainty", [])]

@@ -29,6 +29,7 @@ from study.case.model import Case
 from study.run.anatomy_source import states_of
 from study.run.compile_ahead import compiled_ahead
 from study.run.computed_parts import computed_parts
+from study.run.drawn_runs import drawn_step, runs_beside_0d
 from study.run.fitted_ramp import fitted
 from study.run.lumen_parts import motion_part
 from study.run.mesh import planned_steps
@@ -36,7 +37,8 @@ from study.run.pipeline import run_case
 from study.run.progress import Progress
 from study.run.ramp import ramp_key, ramp_plan, ramp_record
 from study.run.ramp_losses import ramp_losses
-from study.run.reduced_results import CaseResult
+from study.run.ratio_uncertainty import uncertain_ratios
+from study.run.reduced_results import CaseResult, UncertainRatio
 from study.run.results import PlannedRun, Run3D, RunId, calibrated_runs
 from study.run.run_3d import LumenCollapsed, fsi_run, run_key
 from study.run.run_context import RunContext
@@ -87,6 +89,7 @@ def run_study(
     best = runs[loop.best]
     stressed, collapsed = _stressed(context, choice, best)
     runs += stressed
+    uncertain = _uncertain(context, choice, reduced, best, stressed)
     shown = calibrated_runs(runs, best.id)
     progress.step("measuring the lumen")
     motion = {} if anatomy is None else _motion(context, anatomy, shown)
@@ -107,6 +110,7 @@ def run_study(
         failures=failures,
         collapsed=collapsed,
         computed=computed_parts(context, [run.id for run in runs], list(found)),
+        uncertainty=uncertain,
     )
 
 
@@ -130,6 +134,11 @@ def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
         plan[_step(NOMINAL, "rest", None)] = seconds("rest")
     for label, condition, rule in _stress_names(case, choice):
         plan[_step(label, condition, rule)] = seconds(condition)
+    for condition in {} if choice.drawn is None else case.conditions:
+        if condition != "rest":
+            for k in range(choice.drawn or 0):
+                plan[drawn_step(condition, k + 1)] = seconds(condition)
+            plan[f"uncertainty, {condition}"] = 20.0
     for condition in choice.sensitivities:
         plan[f"derivatives: {condition}"] = 2.0 * _COMPILE + 8.0 * seconds(condition)
     return {**plan, "measuring the lumen": 10.0, "drawing": 40.0, "writing the report": 3.0}
@@ -223,6 +232,21 @@ def _stressed(
         except LumenCollapsed as end:
             collapsed[planned.id.name] = str(end)
     return runs, collapsed
+
+
+def _uncertain(
+    context: RunContext,
+    choice: StudyChoice,
+    reduced: CaseResult,
+    rest: Run3D,
+    stressed: Sequence[Run3D],
+) -> list[UncertainRatio] | None:
+    """FFR in 3D with its interval, where it was asked for."""
+    if choice.drawn is None:
+        return None
+    calibrated = [run for run in stressed if run.label == LOOP]
+    runs = runs_beside_0d(context, reduced.patient, rest, calibrated, choice.drawn)
+    return uncertain_ratios(reduced.patient, context.progress, runs_in_3d=runs)
 
 
 def _sensitivities(

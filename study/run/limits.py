@@ -9,5 +9,8 @@ CATHETER_MM = 1.03
 AREA_BOUND = 0.03
 """Relative error of the lumen area of a mesh beyond which its report warns [-]."""
 
+MOST_DRAWN = 8
+"""Runs in 3D of a condition, with drawn numbers, that may be asked for."""
+
 SEPTUM_BOUND = 0.10
 """The same of the thickness of the tissue between the lumens [-]."""

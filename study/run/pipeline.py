@@ -56,8 +56,7 @@ def run_case(
         curves[law] = alpha_curve(patient, model, low, high)
     uncertain = None
     if intervals:
-        rest_sd = ratio_error(case.conditions["rest"])
-        uncertain = uncertain_ratios(patient, rest_sd, progress)
+        uncertain = uncertain_ratios(patient, progress)
     return CaseResult(patient, calibrations, curves, runs, failures, uncertain)
 
 

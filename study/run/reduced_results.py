@@ -131,6 +131,7 @@ class UncertainRatio(NamedTuple):
         evidence: what the response to stress is taken from.
         bed_factors: of the stress rules, by name, on the scale of the evidence.
         flow_reserve: measured one with its standard deviation; None where there is none.
+        in_3d: whether runs in 3D correct it.
     """
 
     condition: str
@@ -138,6 +139,7 @@ class UncertainRatio(NamedTuple):
     evidence: StressEvidence
     bed_factors: dict[str, float]
     flow_reserve: tuple[float, float] | None
+    in_3d: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

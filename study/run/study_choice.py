@@ -47,6 +47,8 @@ class StudyChoice:
         nominal: also run every condition with α = 1.
         paper: also run rest with the α of the linear surrogate.
         sensitivities: conditions whose calibrated run is differentiated.
+        drawn: runs of each condition under stress with drawn numbers, for the interval of FFR;
+            None: no interval.
     """
 
     run: RunChoice = dataclasses.field(default_factory=RunChoice)
@@ -55,3 +57,4 @@ class StudyChoice:
     nominal: bool = False
     paper: bool = True
     sensitivities: tuple[str, ...] = ()
+    drawn: int | None = None

@@ -63,4 +63,5 @@ def study_choice(case: Case, options: StudyOptions) -> StudyChoice:
         nominal=options.nominal,
         paper=not options.quick if options.paper is None else options.paper,
         sensitivities=options.sensitivities or (),
+        drawn=options.uncertainty,
     )

@@ -8,7 +8,7 @@ from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
 from study.case.model import Case
 from study.run.fitted_ramp import FittedRamp
-from study.run.reduced_results import CaseResult
+from study.run.reduced_results import CaseResult, UncertainRatio
 from study.run.results import Run3D, calibrated_runs
 from study.run.study_choice import StudyChoice
 from study.run.study_parts import Computed, MotionPart, Sensitivity
@@ -34,6 +34,8 @@ class StudyResult:
         failures: why a run has none, by the same.
         collapsed: when and where the lumen collapsed, by id of the run under stress that it ended.
         computed: when each part was computed, and by which code.
+        uncertainty: FFR in 3D with its interval, of each condition under stress that has a run;
+            None: not asked for.
     """
 
     case: Case
@@ -51,6 +53,7 @@ class StudyResult:
     failures: dict[str, str]
     collapsed: dict[str, str]
     computed: Computed
+    uncertainty: list[UncertainRatio] | None = None
 
     @property
     def calibrated(self) -> list[Run3D]:

@@ -225,6 +225,8 @@ class StudyOptions(CaseOptions):
         paper: whether rest is also run with the α of the linear surrogate.
         ramp_rate: rate of the ramp [mmHg/s].
         quick: coarse mesh, long steps, a fast ramp, one stress condition.
+        uncertainty: runs in 3D with drawn numbers of each condition, for an interval of each FFR;
+            None: no interval.
     """
 
     preset: str | None = None
@@ -238,6 +240,7 @@ class StudyOptions(CaseOptions):
     paper: bool | None = None
     ramp_rate: float | None = None
     quick: bool = False
+    uncertainty: int | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

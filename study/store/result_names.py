@@ -10,5 +10,6 @@ RAMP = "ramp"
 """The run whose slope gives R0, and its stage."""
 
 PAPER, CURVE, LOOP, NOMINAL = "paper", "curve", "loop", "nominal"
+DRAWN = "drawn"
 """What the α of a run in 3D comes from: the linear surrogate, the quadratic one, the correction in
 3D, or nothing (α = 1, the paper's fixed boundary condition)."""

@@ -15,7 +15,14 @@ from calibration import (
     through_calibration,
     uncertainty,
 )
-from lumped import MMHG, Shooting, Surrogate, condition_from_clinic, stress_rule
+from lumped import (
+    MMHG,
+    Shooting,
+    Surrogate,
+    condition_from_clinic,
+    solve_periodic,
+    stress_rule,
+)
 
 REST = condition_from_clinic(110.0, 65.0, 0.8)
 STRESS = condition_from_clinic(130.0, 70.0, 0.45)
@@ -139,3 +146,47 @@ def test_derivatives_by_what_stress_does(name, number):
     differences = (both(middle + h) - both(middle - h)) / (2.0 * h)
     # second order in h, with periodic states solved to 1e-9 and better
     assert np.asarray(jax.jacfwd(both)(middle)) == pytest.approx(np.asarray(differences), rel=1e-4)
+
+
+@pytest.mark.parametrize("name", PATIENTS)
+def test_means_give_ffr_with_the_form_factors_of_the_flow(name):
+    patient = _patient(name)
+    patient = eqx.tree_at(lambda p: p.stress_loss, patient, jnp.asarray(1.3))
+    form = patient.form_factors
+    # to the tolerance of the periodic states
+    assert float(patient.ffr_of_means({}, form)) == pytest.approx(float(patient()), rel=1e-8)
+    if name == "linear":
+        assert [float(f) for f in form] == [1.0, 1.0]
+    else:
+        # the flow of a coronary artery pulsates: its mean square is above the square of its mean
+        assert all(1.05 < float(f) < 3.0 for f in form)
+    moved = {"rest_ratio": 0.9, "bed_factor": 0.8, "period": 0.5, "P_venous": 2.0 * MMHG}
+    # with quadratic loss the form of another flow is another: by 0.01 after so large a move
+    near, tolerance = float(patient.ffr_of_means(moved, form)), 1e-9 if name == "linear" else 0.02
+    assert near == pytest.approx(float(patient.ffr(moved)), abs=tolerance)
+
+
+def test_form_factor_of_the_flow_itself():
+    patient = _patient("quadratic")
+    fit = calibrate_alpha(patient.surrogate, REST, 0.91, solver=SOLVER)
+    tuned = eqx.tree_at(lambda s: s.alpha, patient.surrogate, fit.alpha)
+    solution = solve_periodic(tuned.network(REST), REST.period, Shooting(512, order=3))
+    t, Q = np.asarray(solution.t), np.asarray(solution.flow("ostium"))
+    square = np.trapezoid(np.append(Q * np.abs(Q), Q[0] * abs(Q[0])), np.append(t, REST.period))
+    mean = float(solution.mean_flow("ostium"))
+    factor = square / float(REST.period) / mean**2
+    # the trapezoidal rule of graded steps, and the march of 48 steps in the patient
+    assert float(patient.form_factors.rest) == pytest.approx(factor, rel=2e-3)
+
+
+def test_means_have_a_derivative_and_no_value_where_nothing_can_be_tuned():
+    patient = _patient("quadratic")
+    form = patient.form_factors
+
+    def ffr(ratio):
+        return patient.ffr_of_means({"rest_ratio": ratio}, form)
+
+    h = 1e-6
+    assert float(jax.grad(ffr)(0.9)) == pytest.approx(float(ffr(0.9 + h) - ffr(0.9 - h)) / (2 * h))
+    assert np.isnan(float(ffr(1.01)))
+    assert np.isnan(float(patient.ffr_of_means({"P_venous": 100.0 * MMHG}, form)))

@@ -1,5 +1,6 @@
 """Error bars: exact where the answer is known, and of FFR with α tuned inside."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from calibration import (
     Truncated,
     Uniform,
     calibrate_alpha,
+    interval_bounds,
     standard_normals,
     uncertainty,
     with_alpha,
@@ -180,12 +182,31 @@ def test_evidence_that_nothing_agrees_with_is_refused():
 
 
 def test_widths_follow_the_noise_of_the_measurement():
-    def half(sd):
-        found = uncertainty(lambda x: x["a"] ** 2, {"a": Normal(3.0, sd)}, n_samples=2**12)
-        return found.linear_sd
+    def width(sd, n=2**12):
+        inputs = {**INPUTS, "rest_ratio": Normal(0.91, sd)}
+        low, high = interval_bounds(stress_ratio, inputs, n_samples=n)
+        return high - low
 
-    # d/d sd of 2·3·sd, by central differences of a linear function
-    assert (half(0.11) - half(0.09)) / 0.02 == pytest.approx(6.0)
+    slope = jax.grad(width)(0.01)
+    h = 1e-5
+    # where two samples change places the derivative of a bound has a kink, of 1/n
+    assert float(slope) == pytest.approx(
+        float((width(0.01 + h) - width(0.01 - h)) / (2 * h)), rel=1e-3
+    )
+    assert float(slope) > 0.0
+
+
+def test_bounds_of_a_normal_and_their_derivative():
+    def bounds(sd):
+        return interval_bounds(lambda x: x["a"], {"a": Normal(3.0, sd)}, n_samples=2**14)
+
+    expected = 3.0 + Z90 * 0.2 * np.array([-1.0, 1.0])
+    assert np.asarray(bounds(0.2)) == pytest.approx(expected, abs=1e-3)
+    assert np.asarray(jax.jacfwd(bounds)(0.2)) == pytest.approx([-Z90, Z90], rel=2e-3)
+    found = uncertainty(lambda x: x["a"], {"a": Normal(3.0, 0.2)}, n_samples=2**14)
+    assert np.asarray(bounds(0.2)) == pytest.approx(found.interval(), abs=1e-3)
+    with pytest.raises(ValueError, match="not between 0 and 1"):
+        interval_bounds(lambda x: x["a"], {"a": Normal(3.0, 0.2)}, level=1.0)
 
 
 def test_precise_evidence_is_met_by_more_samples():

@@ -3,6 +3,7 @@
 import dataclasses
 
 from study.report.cohort_rows import Pair
+from study.store.json_form import ABSENT, Absent
 from study.store.provenance import Provenance
 
 
@@ -103,6 +104,31 @@ class CohortChange:
 
 
 @dataclasses.dataclass(frozen=True)
+class CohortInterval:
+    """FFR of a patient with its interval.
+
+    Attributes:
+        patient: name of the case.
+        side: anomalous artery, `left` or `right`; None where the case does not say.
+        condition: name of the condition.
+        measured: measured ratio; None where there is none [-].
+        median: of FFR [-].
+        low: its 5th percentile [-].
+        high: its 95th percentile [-].
+        chance_at_or_below_threshold: of 0.80 or less [-].
+    """
+
+    patient: str
+    side: str | None
+    condition: str
+    measured: float | None
+    median: float
+    low: float
+    high: float
+    chance_at_or_below_threshold: float
+
+
+@dataclasses.dataclass(frozen=True)
 class CohortDocument:
     """Predicted and measured ratios of many patients.
 
@@ -115,6 +141,7 @@ class CohortDocument:
         groups: their agreement by condition, rule and boundary.
         changes: what calibration changes.
         provenance: inputs, options, versions.
+        intervals: FFR with intervals; absent where no case has one.
     """
 
     format: str
@@ -125,3 +152,4 @@ class CohortDocument:
     groups: list[CohortGroup]
     changes: list[CohortChange]
     provenance: Provenance
+    intervals: list[CohortInterval] | Absent = ABSENT

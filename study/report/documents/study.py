@@ -4,9 +4,10 @@ import dataclasses
 from typing import Any
 
 from study.report.documents.parts import AlphaCurve, Headline, Note
+from study.report.documents.uncertainty import UncertainFFR
 from study.run.results import Run3D
 from study.run.study_parts import Computed, MeasuredLumen, MotionPart, RampPart
-from study.store.json_form import under
+from study.store.json_form import ABSENT, Absent, under
 from study.store.provenance import Provenance
 
 Derivatives = dict[str, float]
@@ -222,6 +223,8 @@ class StudyDocument:
         computed: when each part was computed, and by which code.
         numerics: what decides the numbers, see `study.store.numerics`.
         provenance: inputs, options, versions.
+        uncertainty: FFR in 3D of each condition under stress with an interval; absent without
+            `--uncertainty`.
     """
 
     format: str
@@ -252,3 +255,4 @@ class StudyDocument:
     computed: Computed
     numerics: dict[str, Any]
     provenance: Provenance
+    uncertainty: list[UncertainFFR] | Absent = ABSENT

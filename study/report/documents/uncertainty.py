@@ -23,6 +23,25 @@ class UncertaintyCause:
     interval_if_known: list[float]
 
 
+@dataclasses.dataclass(frozen=True)
+class UncertaintyLevel:
+    """How a costlier model corrects the samples.
+
+    Attributes:
+        of: the costlier model, `periodic states` of the 0D model or `runs in 3D`.
+        runs: of it.
+        correction: `shift`, `scale` or `linear` in all numbers.
+        error: standard deviation that the correction leaves in FFR; the samples have it too [-].
+        correlation: of both models' FFR, each run left out; None with less than three runs [-].
+    """
+
+    of: str
+    runs: int
+    correction: str
+    error: float
+    correlation: float | None
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class UncertainFFR:
     """FFR of a condition under stress, with all that is uncertain.
@@ -46,6 +65,7 @@ class UncertainFFR:
         stress_loss: median losses of the artery under stress over those at rest [-].
         flow_reserve: measured flow under stress over that at rest [-].
         flow_reserve_sd: its standard deviation [-].
+        levels: how costlier models correct the samples, in turn.
     """
 
     condition: str
@@ -65,3 +85,4 @@ class UncertainFFR:
     stress_loss: float
     flow_reserve: float | Absent = ABSENT
     flow_reserve_sd: float | Absent = ABSENT
+    levels: list[UncertaintyLevel] | Absent = ABSENT

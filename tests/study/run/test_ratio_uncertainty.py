@@ -1,13 +1,23 @@
 """FFR with an interval: from the case, the literature and a measured flow reserve; bad input."""
 
+import dataclasses
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from calibration import Runs
 from study import read_case
 from study.case.faults import CaseError
+from study.run.drawn_runs import drawn_case, drawn_values
 from study.run.patient import load_patient
 from study.run.progress import Progress
-from study.run.ratio_uncertainty import response_to_stress, uncertain_ratios
+from study.run.ratio_uncertainty import (
+    condition_inputs,
+    response_to_stress,
+    stress_model,
+    uncertain_ratios,
+)
 
 CASE = """\
 [patient]
@@ -37,8 +47,7 @@ def _case(tmp_path, known="", reserve=""):
 
 
 def _found(case):
-    patient, sd = load_patient(case), case.conditions["rest"].ffr_sd
-    (one,) = uncertain_ratios(patient, sd, Progress(), n_samples=2**12)
+    (one,) = uncertain_ratios(load_patient(case), Progress(), n_samples=2**12)
     return one
 
 
@@ -118,3 +127,56 @@ def test_flow_reserve_at_rest_is_refused(tmp_path):
     file.write_text(text)
     with pytest.raises(CaseError, match="a flow reserve is measured under stress"):
         read_case(file)
+
+
+def test_quadratic_law_is_corrected_by_periodic_states(tmp_path):
+    case = _case(tmp_path)
+    law = dataclasses.replace(case.surrogate, R0=700.0, K=400.0, law="quadratic")
+    case = dataclasses.replace(case, surrogate=law)
+    one = _found(case)
+    (level,) = one.found.corrections
+    assert (level.kind, level.n_runs) == ("linear", 128)
+    # what periodic states add is small against the interval
+    low, high = one.found.interval()
+    assert level.error < 0.1 * (high - low)
+    patient = load_patient(case)
+    inputs = condition_inputs(patient, "dobutamine")
+    medians = {name: spread.value(jnp.zeros(())) for name, spread in inputs.items()}
+    exact = float(stress_model(patient, "dobutamine").ffr(medians))
+    assert one.found.nominal == pytest.approx(exact, abs=3.0 * level.error)
+
+
+def test_runs_in_3d_move_the_interval(tmp_path):
+    patient = load_patient(_case(tmp_path))
+    (plain,) = uncertain_ratios(patient, Progress(), n_samples=2**12)
+    runs = {"dobutamine": Runs(np.array([0.83]), np.array([0.86]))}
+    (moved,) = uncertain_ratios(patient, Progress(), runs_in_3d=runs, n_samples=2**12)
+    assert moved.in_3d
+    assert not plain.in_3d
+    assert moved.found.median == pytest.approx(plain.found.median - 0.03, abs=3e-3)
+    # a single run cannot tell by how much others differ: the shift's own size is allowed for
+    assert moved.found.sd == pytest.approx(np.hypot(plain.found.sd, 0.03), rel=0.02)
+    assert uncertain_ratios(patient, Progress(), runs_in_3d={}) == []
+
+
+def test_drawn_numbers_reach_the_case_of_a_3d_run(tmp_path):
+    case = _case(tmp_path)
+    patient = load_patient(case)
+    inputs = condition_inputs(patient, "dobutamine")
+    z = np.full(len(inputs), 0.5)
+    values = drawn_values(inputs, z)
+    # lumen and mesh stay: their losses are those of the mesh
+    assert set(inputs) - set(values) == {"R0", "stress_loss"}
+    drawn = stress_model(patient, "dobutamine").with_values(values)
+    changed = drawn_case(case, "dobutamine", drawn)
+    again = load_patient(changed)
+    for name, other in (("conditions", patient), ("rules", patient)):
+        assert set(getattr(again, name)) >= set(getattr(other, name))
+    entry = changed.conditions["dobutamine"]
+    assert entry.period == pytest.approx(values["period"])
+    assert entry.P_systolic == pytest.approx(values["P_systolic"])
+    assert changed.conditions["rest"] == case.conditions["rest"]
+    assert changed.coronary.P_venous == pytest.approx(values["P_venous"])
+    # the bed of the case under stress is that of the drawn patient
+    own = stress_model(again, "dobutamine", "factors")
+    assert float(own.bed_factor) == pytest.approx(values["bed_factor"])

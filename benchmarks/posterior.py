@@ -47,7 +47,7 @@ AGREES = 0.005
 """Difference of a quantile of FFR that a page may have."""
 
 
-class Posterior(eqx.Module):
+class InputDensity(eqx.Module):
     """Density of the inputs of a patient, as standard normal numbers, after the evidence.
 
     Attributes:
@@ -130,7 +130,7 @@ def _row(number: int, patient: Mapping[str, Any]) -> dict[str, Any]:
     )
     reserve = patient["measured"]["cfr"]
     sd = RESERVE_ERROR * reserve
-    posterior = Posterior(
+    posterior = InputDensity(
         quick,
         learned,
         model.reserve,
@@ -163,7 +163,7 @@ def _row(number: int, patient: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-def _nuts(posterior: Posterior, seed: int) -> Found:
+def _nuts(posterior: InputDensity, seed: int) -> Found:
     start = time.perf_counter()
     keys = jax.random.split(jax.random.key(seed), CHAINS)
     draws = np.asarray(_chains(posterior, keys)).ravel()
@@ -171,7 +171,7 @@ def _nuts(posterior: Posterior, seed: int) -> Found:
 
 
 @eqx.filter_jit
-def _chains(posterior: Posterior, keys: Array) -> Float[Array, "chains draws"]:
+def _chains(posterior: InputDensity, keys: Array) -> Float[Array, "chains draws"]:
     """FFR along chains that start from the prior."""
     n = len(posterior.names)
 
@@ -192,17 +192,17 @@ def _chains(posterior: Posterior, keys: Array) -> Float[Array, "chains draws"]:
     return jax.lax.map(chain, keys)
 
 
-def _laplace(posterior: Posterior) -> Found:
+def _laplace(posterior: InputDensity) -> Found:
     start = time.perf_counter()
     middle, sd = (float(v) for v in _at_mode(posterior))
     return Found(middle + sd * norm.ppf(LEVELS), time.perf_counter() - start)
 
 
 @eqx.filter_jit
-def _at_mode(posterior: Posterior) -> tuple[Array, Array]:
+def _at_mode(posterior: InputDensity) -> tuple[Array, Array]:
     """FFR at the mode, and its standard deviation to first order."""
 
-    def cost(z: Array, model: Posterior) -> Array:
+    def cost(z: Array, model: InputDensity) -> Array:
         return -model.log_density(z)
 
     zero = jnp.zeros(len(posterior.names))

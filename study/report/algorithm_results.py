@@ -24,10 +24,10 @@ from study.report.pictures import Drawn
 from study.report.sensitivity_part import sensitivity_parts
 from study.report.uncertainty_part import uncertainty_parts
 from study.run.lumen_parts import measured_states
+from study.run.patient import ratio_error
 from study.run.results import Run3D
 from study.run.study_parts import Sensitivity
 from study.run.study_result import StudyResult
-from study.run.tuning import ratio_error
 from study.store.json_form import ABSENT
 from study.store.layouts import FORMAT
 from study.store.numerics import decided_by

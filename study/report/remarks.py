@@ -13,9 +13,8 @@ from study.case.laws import LINEAR, QUADRATIC
 from study.report.documents.parts import Note
 from study.report.headline import Reading, headline
 from study.run.limits import CATHETER_MM
-from study.run.patient import ContouredArtery
+from study.run.patient import ContouredArtery, ratio_error
 from study.run.reduced_results import CaseResult, Run
-from study.run.tuning import ratio_error
 from study.store.result_names import CALIBRATED, FIXED
 
 FLOW_RANGE = (30.0, 200.0)

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 import study.case.model as case_file
 from calibration import LumenLosses, PressureFlowLaw, lumen_losses, systemic_windkessel
+from diagnosis import RATIO_SD
 from jaxfsi import Calipers, Lumen, read_ivus_contours
 from lumped import (
     MMHG,
@@ -152,6 +153,14 @@ def read_vessel(case: Case) -> ContouredArtery | None:
 @eqx.filter_jit
 def _shape(lumen: Lumen, **blood: float) -> tuple[Lumen, Array, Calipers, LumenLosses]:
     return lumen, lumen.area, lumen.calipers, lumen_losses(lumen, **blood)
+
+
+def ratio_error(condition: case_file.Condition) -> float:
+    """Standard deviation of a measured ratio [-], assumed where it is not given.
+
+    `RATIO_SD` is of a difference of two measurements; one has 1/√2 of it.
+    """
+    return condition.ffr_sd or RATIO_SD / math.sqrt(2.0)
 
 
 def condition_of(entry: case_file.Condition) -> HaemodynamicCondition:

@@ -8,7 +8,7 @@ import numpy as np
 from calibration import REST_RULE, RatioResponse, through_calibration
 from diagnosis import ratio_gap
 from study.case.model import Case, require
-from study.run.patient import Patient, ReducedModel, load_patient
+from study.run.patient import Patient, ReducedModel, load_patient, ratio_error
 from study.run.progress import Progress
 from study.run.ratio_uncertainty import uncertain_ratios
 from study.run.reduced_results import Calibration, CaseResult, RatioCurve, Run
@@ -16,7 +16,6 @@ from study.run.tuning import (
     alpha_curve,
     calibrate_patient,
     calibration_steps,
-    ratio_error,
     respond,
     tune,
 )

@@ -29,10 +29,9 @@ from calibration import (
 )
 from study.case.condition import Condition
 from study.case.model import Case
-from study.run.patient import Patient
+from study.run.patient import Patient, ratio_error
 from study.run.progress import Progress
 from study.run.reduced_results import UncertainRatio
-from study.run.tuning import ratio_error
 
 N_SAMPLES = 2**14
 N_RUNS = 2**7

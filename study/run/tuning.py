@@ -1,13 +1,11 @@
 """α of one patient at rest, under each law of the artery and in several ways."""
 
 import functools
-import math
 
 import equinox as eqx
 import numpy as np
 import optimistix as optx
 
-import study.case.model as case_file
 from calibration import (
     REST_RULE,
     RatioResponse,
@@ -18,7 +16,6 @@ from calibration import (
     ratio_response,
     require_feasible,
 )
-from diagnosis import RATIO_SD
 from lumped import (
     AbstractPeriodicSolver,
     HaemodynamicCondition,
@@ -30,7 +27,7 @@ from lumped import (
 )
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
-from study.run.patient import Patient, ReducedModel, load_patient
+from study.run.patient import Patient, ReducedModel, load_patient, ratio_error
 from study.run.progress import Progress
 from study.run.reduced_results import Calibration, RatioCurve, Tuning
 
@@ -157,14 +154,6 @@ def periodic_solver(case: Case, surrogate: Surrogate) -> AbstractPeriodicSolver:
     """The accurate solver for a surrogate, with the number of steps that the case asks for."""
     steps = {} if case.solver.n_steps is None else {"n_steps": case.solver.n_steps}
     return Propagator(**steps) if surrogate.K is None else Shooting(**steps)
-
-
-def ratio_error(condition: case_file.Condition) -> float:
-    """Standard deviation of a measured ratio [-], assumed where it is not given.
-
-    `RATIO_SD` is of a difference of two measurements; one has 1/√2 of it.
-    """
-    return condition.ffr_sd or RATIO_SD / math.sqrt(2.0)
 
 
 def tune(surrogate: Surrogate, alpha: float) -> Surrogate:

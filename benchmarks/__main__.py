@@ -31,7 +31,7 @@ BENCHMARKS = (
     "published",
     "mesh_error",
 )
-LONG = ("sensitivity", "convergence", "wall_steps", "beats")
+LONG = ("sensitivity", "convergence", "wall_steps", "beats", "coverage_3d")
 """Run only where they are named: half an hour and more on two cores."""
 
 

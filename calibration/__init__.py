@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     )
     from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
     from calibration.stress_evidence import StressEvidence, stress_evidence
-    from calibration.stress_ratio import STRESS_LOSS, FormFactors, StressRatio
+    from calibration.stress_ratio import BED_FACTOR, STRESS_LOSS, FormFactors, StressRatio
     from calibration.sweep import (
         Calibrations,
         Sweep,

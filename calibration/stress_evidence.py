@@ -34,11 +34,13 @@ class StressEvidence(NamedTuple):
         bed_factor: resistance of the whole bed under stress over that at rest.
         stress_loss: factor of the losses of the anomalous artery.
         source: where both come from.
+        pooled: whether drugs or ages are thrown together, since one of them is not known.
     """
 
     bed_factor: LogNormal
     stress_loss: LogNormal
     source: str
+    pooled: bool = False
 
 
 _RESERVE: dict[tuple[str, str], tuple[float, float, str]] = {
@@ -74,6 +76,8 @@ def stress_evidence(drug: str = "other", age: str = "unknown") -> StressEvidence
         of_drug = [v[0] for (name, _), v in _RESERVE.items() if drug in (name, "other")]
         reserve, log_sd = sum(of_drug) / len(of_drug), _POOLED
         source = "adults and children pooled" if drug != "other" else "drugs and ages pooled"
+    pooled = (drug, age) not in _RESERVE
     loss, loss_sd = _LOSS[drug]
     factor = _PRESSURE_RATIO[drug] / reserve
-    return StressEvidence(LogNormal(factor, log_sd), LogNormal(loss, loss_sd), source)
+    bed_factor, stress_loss = LogNormal(factor, log_sd), LogNormal(loss, loss_sd)
+    return StressEvidence(bed_factor, stress_loss, source, pooled)

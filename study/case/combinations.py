@@ -174,6 +174,9 @@ def _check_uncertainty(values: Mapping[str, Any], context: Context) -> None:
                 "add flow_reserve, or leave flow_reserve_sd out",
             )
     rest = values["condition"].get("rest") or {}
+    if rest.get("drug") is not None:
+        problem, cure = "a drug is given under stress, not at rest", "leave drug out here"
+        context.add("condition.rest.drug", rest["drug"], problem, cure)
     if rest.get("flow_reserve") is not None:
         context.add(
             "condition.rest.flow_reserve",

@@ -34,7 +34,7 @@ class Condition:
     others, under any name, are stress.
     """
 
-    added_later: ClassVar[frozenset[str]] = frozenset({"flow_reserve", "flow_reserve_sd"})
+    added_later: ClassVar[frozenset[str]] = frozenset({"drug", "flow_reserve", "flow_reserve_sd"})
     name: str
     kind: Annotated[
         Literal["rest", "stress"],
@@ -80,6 +80,10 @@ class Condition:
             example=0.3,
         ),
     ] = None  # fmt: skip
+    drug: Annotated[
+        Literal["adenosine", "dobutamine", "other"] | None,
+        Word(text="of a condition under stress; else its name tells", example="dobutamine"),
+    ] = None
     waveform: Annotated[
         Beat | None,
         Location(

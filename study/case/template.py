@@ -37,7 +37,7 @@ _ANATOMY = """\
 The vessel: exactly one kind. Leave it out where R0 is given below and nothing needs a mesh."""
 
 _CASE_STRESS = {"kind": "stress", "P_systolic": 130.0, "P_diastolic": 70.0, "period": 0.45}
-_STRESS_ONLY = ("flow_reserve", "flow_reserve_sd")
+_STRESS_ONLY = ("drug", "flow_reserve", "flow_reserve_sd")
 _RECORD_STRESS = {
     "drug": "dobutamine", "period": 0.45, "P_systolic": 130.0, "P_diastolic": 70.0, "ffr": 0.90,
 }  # fmt: skip

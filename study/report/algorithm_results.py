@@ -21,6 +21,7 @@ from study.report.documents.study import (
 from study.report.headline import Reading, headline, headline_numbers
 from study.report.older_parts import older_parts
 from study.report.pictures import Drawn
+from study.report.remarks import interval_notes
 from study.report.sensitivity_part import sensitivity_parts
 from study.report.uncertainty_part import uncertainty_parts
 from study.run.lumen_parts import measured_states
@@ -95,7 +96,7 @@ def study_document(
         uncertainty=(
             ABSENT
             if result.uncertainty is None
-            else uncertainty_parts(result.uncertainty, QUADRATIC)
+            else uncertainty_parts(result.uncertainty.found, QUADRATIC)
         ),
     )
 
@@ -127,7 +128,11 @@ def study_verdict(result: StudyResult) -> str:
         f" with alpha = {loop.alpha:.4g}."
     )
     readings = study_readings(result)
-    first = [headline(readings, what="FFR in 3D")] if readings else []
+    first = (
+        [headline(readings, what="FFR in 3D", concluded=result.uncertainty is None)]
+        if readings
+        else []
+    )
     closed = [f"{name}: {text}" for name, text in result.collapsed.items()]
     return " ".join([*first, *closed, rest])
 
@@ -285,6 +290,7 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
         yield "warning", f"{name} has no ratio: {text}"
     for name, reason in result.failures.items():
         yield "warning", f"{name} could not be differentiated: {reason}"
+    yield from interval_notes(result.uncertainty)
     for law, reason in result.reduced.failures.items():
         yield "warning", f"the {law} surrogate could not be calibrated: {reason}"
 

@@ -82,19 +82,22 @@ def percent(chance: float) -> str:
     return f"{100.0 * chance:.{1 if chance < 0.0095 or chance > 0.9905 else 0}f} %"
 
 
-def headline(readings: Sequence[Reading], *, what: str) -> str:
+def headline(readings: Sequence[Reading], *, what: str, concluded: bool = True) -> str:
     """Contradictions first, then each predicted FFR with its ± and chance, then what follows.
 
     Args:
         readings: of every condition, the case's own reading of a condition before its others.
         what: how the prediction is called, "Predicted FFR".
+        concluded: whether it is said on which side of the threshold FFR lies; not where an interval
+            with all that is uncertain says so.
     """
     groups: dict[str, list[Reading]] = {}
     for reading in readings:
         groups.setdefault(reading.condition, []).append(reading)
     against = [_contradiction(group) for group in groups.values() if group[0].contradicted]
     predicted = f"{what}: {'; '.join(_predicted(group) for group in groups.values())}."
-    return " ".join([*against, predicted, *([] if against else [_threshold(readings)])])
+    concluding = [_threshold(readings)] if concluded and not against else []
+    return " ".join([*against, predicted, *concluding])
 
 
 def _contradiction(group: Sequence[Reading]) -> str:

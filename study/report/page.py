@@ -14,7 +14,7 @@ from study.report.number_formats import signed, significant, span, with_sd
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure
-from study.report.uncertainty_words import RULES_ONLY, uncertainty_rows, uncertainty_words
+from study.report.uncertainty_words import rules_words, uncertainty_rows, uncertainty_words
 from study.report.wall_figures import MODELS, wall_figure
 from study.run.limits import AREA_BOUND, FFR_THRESHOLD
 from study.store.document_rows import gap_rows, laws, ratio_rows
@@ -46,7 +46,7 @@ def html_report(document: Document, pictures: Pictures | None = None) -> str:
         top=top_sensitivities(document),
         uncertainty=uncertainty_rows(document),
         uncertainty_words=uncertainty_words(document),
-        rules_only=RULES_ONLY,
+        rules_words=rules_words(document),
         called=NAMES,
     )
 

@@ -14,7 +14,7 @@ from study.report.documents.parts import Note
 from study.report.headline import Reading, headline
 from study.run.limits import CATHETER_MM
 from study.run.patient import ContouredArtery, ratio_error
-from study.run.reduced_results import CaseResult, Run
+from study.run.reduced_results import CaseResult, Intervals, Run
 from study.store.result_names import CALIBRATED, FIXED
 
 FLOW_RANGE = (30.0, 200.0)
@@ -37,7 +37,8 @@ def verdict(result: CaseResult) -> str:
             f"The measured resting ratio of {target:.2f} is met with alpha = {alpha:.3g}. "
             "The case has no stress condition, so no FFR is predicted."
         )
-    return headline(stress_readings(result), what="Predicted FFR")
+    concluded = result.uncertainty is None
+    return headline(stress_readings(result), what="Predicted FFR", concluded=concluded)
 
 
 def stress_readings(result: CaseResult) -> list[Reading]:
@@ -116,6 +117,7 @@ def notes(result: CaseResult) -> list[Note]:
         *_waveform_notes(result),
         *_reserve_notes(result),
         *_vessel_notes(result),
+        *(Note(*entry) for entry in interval_notes(result.uncertainty)),
     ]  # fmt: skip
     said = resistance_words(result)
     if said:
@@ -131,6 +133,20 @@ def notes(result: CaseResult) -> list[Note]:
                 Note("info", f"The R0 of the case wins over the contours: {drawn.origin}.")
             )
     return sorted(found, key=lambda note: note.level != "warning")
+
+
+def interval_notes(intervals: Intervals | None) -> Iterator[tuple[str, str]]:
+    """Conditions without an interval, and what would narrow that of others; level and text."""
+    if intervals is None:
+        return
+    yield from (("warning", text) for text in intervals.failures.values())
+    pooled = [one.condition for one in intervals.found if one.evidence.pooled]
+    if pooled:
+        yield (
+            "info",
+            f"The response to stress ({_listed(pooled)}) is that of drugs or ages together: give"
+            " drug below the condition and age_years below [uncertainty] where they are known.",
+        )
 
 
 def _flow_notes(result: CaseResult) -> Iterator[Note]:

@@ -84,7 +84,7 @@ def case_document(
         uncertainty=(
             ABSENT
             if result.uncertainty is None
-            else uncertainty_parts(result.uncertainty, patient.case.surrogate.law)
+            else uncertainty_parts(result.uncertainty.found, patient.case.surrogate.law)
         ),
     )
 

@@ -10,7 +10,7 @@ from study.report.page import rendered, safe
 from study.report.pictures import stored_films, stored_study_pictures
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure
-from study.report.uncertainty_words import RULES_ONLY, uncertainty_rows, uncertainty_words
+from study.report.uncertainty_words import rules_words, uncertainty_rows, uncertainty_words
 
 Document = Mapping[str, Any]
 
@@ -33,7 +33,7 @@ def study_report(
         fig=safe({**study_figures(document), "uncertainty": uncertainty_figure(document)}),
         uncertainty=uncertainty_rows(document),
         uncertainty_words=uncertainty_words(document),
-        rules_only=RULES_ONLY,
+        rules_words=rules_words(document),
         called=NAMES,
         picture=pictures,
         film=films,

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.report.number_formats import signed
-from study.report.uncertainty_words import RULES_ONLY, causes_words, uncertainty_words
+from study.report.uncertainty_words import causes_words, rules_words, uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
 Document = Mapping[str, Any]
@@ -109,7 +109,7 @@ def _intervals(document: Document) -> Iterator[str]:
     for entry in document["uncertainty"]:
         yield f"  {entry['condition']}: {causes_words(entry)}"
     yield ""
-    yield RULES_ONLY
+    yield rules_words(document)
 
 
 def _small_print(document: Document) -> Iterator[str]:

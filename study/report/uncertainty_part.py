@@ -3,8 +3,10 @@
 import math
 from collections.abc import Sequence
 
+import jax.numpy as jnp
 import numpy as np
 
+from calibration import BED_FACTOR
 from study.report.documents.uncertainty import UncertainFFR, UncertaintyCause, UncertaintyLevel
 from study.run.limits import FFR_THRESHOLD
 from study.run.reduced_results import UncertainRatio
@@ -45,8 +47,16 @@ def _part(one: UncertainRatio, law: str) -> UncertainFFR:
         stress_loss=float(one.evidence.stress_loss.median),
         flow_reserve=reserve,
         flow_reserve_sd=reserve_sd,
+        bed_factor_90_after=ABSENT if one.flow_reserve is None else _bed_factor_after(one),
         levels=_levels(one),
     )
+
+
+def _bed_factor_after(one: UncertainRatio) -> list[float]:
+    """5th and 95th percentile of the bed factor over the draws that the flow reserve left."""
+    column = list(one.found.slopes).index(BED_FACTOR)
+    factors = one.evidence.bed_factor.value(jnp.asarray(one.found.z[:, column]))
+    return np.quantile(np.asarray(factors), [0.05, 0.95]).tolist()
 
 
 def _levels(one: UncertainRatio) -> list[UncertaintyLevel]:

@@ -19,8 +19,27 @@ def uncertainty_words(document: Mapping[str, Any]) -> str:
     return f"With all that is uncertain: {'; '.join(interval_words(e) for e in entries)}."
 
 
-RULES_ONLY = "With the published stress rules and no error but that of the resting ratio:"
-"""Before the verdict, where intervals stand beside it."""
+def rules_words(document: Mapping[str, Any]) -> str:
+    """Before the verdict by stress rules, where intervals stand beside it; else empty."""
+    entries = document.get("uncertainty", [])
+    if not entries:
+        return ""
+    entry = entries[0]
+    factors = entry["rule_bed_factors"].items()
+    rules = ", ".join(f"{factor:.2f} by the rule {rule}" for rule, factor in factors)
+    low, high = entry["bed_factor_90"]
+    return (
+        f"The bed keeps {rules} of its resting resistance, and {entry['bed_factor']:.2f}"
+        f" [{low:.2f}, {high:.2f}] by {source_words(entry)}. With the rules and no error but that"
+        " of the resting ratio:"
+    )
+
+
+def source_words(entry: Mapping[str, Any]) -> str:
+    """Where the response of the bed is taken from."""
+    if entry["bed_factor_source"] == "the case":
+        return "the case"
+    return "flow reserves in the literature"
 
 
 def interval_words(entry: Mapping[str, Any]) -> str:

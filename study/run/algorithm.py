@@ -38,7 +38,7 @@ from study.run.progress import Progress
 from study.run.ramp import ramp_key, ramp_plan, ramp_record
 from study.run.ramp_losses import ramp_losses
 from study.run.ratio_uncertainty import uncertain_ratios
-from study.run.reduced_results import CaseResult, UncertainRatio
+from study.run.reduced_results import CaseResult, Intervals
 from study.run.results import PlannedRun, Run3D, RunId, calibrated_runs
 from study.run.run_3d import LumenCollapsed, fsi_run, run_key
 from study.run.run_context import RunContext
@@ -240,7 +240,7 @@ def _uncertain(
     reduced: CaseResult,
     rest: Run3D,
     stressed: Sequence[Run3D],
-) -> list[UncertainRatio] | None:
+) -> Intervals | None:
     """FFR in 3D with its interval, where it was asked for."""
     if choice.drawn is None:
         return None

@@ -27,11 +27,12 @@ from calibration import (
     stress_evidence,
     uncertainty,
 )
+from lumped import MMHG
 from study.case.condition import Condition
 from study.case.model import Case
 from study.run.patient import Patient, ratio_error
 from study.run.progress import Progress
-from study.run.reduced_results import UncertainRatio
+from study.run.reduced_results import Intervals, UncertainRatio
 
 N_SAMPLES = 2**14
 N_RUNS = 2**7
@@ -42,6 +43,9 @@ RESERVE_ERROR = 0.15
 """Relative standard deviation of a measured flow reserve where none is given: that of two readings
 of one (coronary thermodilution against Doppler)."""
 
+P_VENOUS_ERROR = 2.0 * MMHG
+"""Of a venous pressure that a case gives [dyn/cm²]: catheter in the right atrium, level of zero."""
+
 _DRUGS = ("adenosine", "dobutamine")
 
 
@@ -51,7 +55,7 @@ def uncertain_ratios(
     *,
     runs_in_3d: Mapping[str, Runs] | None = None,
     n_samples: int = N_SAMPLES,
-) -> list[UncertainRatio]:
+) -> Intervals:
     """FFR of every condition under stress, with the case's own law of the artery.
 
     Args:
@@ -62,15 +66,22 @@ def uncertain_ratios(
         n_samples: samples of each.
 
     Raises:
-        RuntimeError: the numbers of a case contradict each other, so that samples have no value.
+        RuntimeError: no condition has an interval, since the numbers of the case contradict each
+            other.
     """
-    found = []
+    found, failures = [], {}
     for name in patient.stresses:
-        if runs_in_3d is None or name in runs_in_3d:
-            progress.step(f"uncertainty, {name}")
-            runs = [] if runs_in_3d is None else [runs_in_3d[name]]
+        if runs_in_3d is not None and name not in runs_in_3d:
+            continue
+        progress.step(f"uncertainty, {name}")
+        runs = [] if runs_in_3d is None else [runs_in_3d[name]]
+        try:
             found.append(_uncertain(patient, name, runs, n_samples))
-    return found
+        except RuntimeError as error:
+            failures[name] = str(error)
+    if failures and not found:
+        raise RuntimeError(" ".join(failures.values()))
+    return Intervals(found, failures)
 
 
 def _uncertain(
@@ -143,14 +154,16 @@ def response_to_stress(case: Case, condition: str) -> StressEvidence:
     """What is known of the bed and the slit in a condition: from the case, else the literature."""
     known = case.uncertainty
     named = [drug for drug in _DRUGS if drug in condition.lower()]
-    drug = named[0] if named else "other"
+    drug = case.conditions[condition].drug or (named[0] if named else "other")
     age = "unknown"
     if known.age is not None:
         age = "adult" if known.age >= ADULT_YEARS else "child"
     found = stress_evidence(drug, age)
     if known.bed_factor is not None:
         found = found._replace(
-            bed_factor=LogNormal(known.bed_factor, known.bed_factor_sd), source="the case"
+            bed_factor=LogNormal(known.bed_factor, known.bed_factor_sd),
+            source="the case",
+            pooled=False,
         )
     if known.stress_loss is not None:
         found = found._replace(stress_loss=LogNormal(known.stress_loss, known.stress_loss_sd))
@@ -171,5 +184,13 @@ def _errors(case: Case, rest_sd: float) -> MeasurementErrors:
         period=known.period_sd,
         loss=known.loss_sd,
         im_factor=known.im_factor_sd,
-        P_venous=(known.P_venous_low, known.P_venous_high),
+        P_venous=venous_range(case),
     )
+
+
+def venous_range(case: Case) -> tuple[float, float]:
+    """Least and largest venous pressure: about that of the case where it gives one [dyn/cm²]."""
+    given = case.coronary.P_venous
+    if given == 0.0:
+        return case.uncertainty.P_venous_low, case.uncertainty.P_venous_high
+    return given - P_VENOUS_ERROR, given + P_VENOUS_ERROR

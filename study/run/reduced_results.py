@@ -142,6 +142,18 @@ class UncertainRatio(NamedTuple):
     in_3d: bool = False
 
 
+class Intervals(NamedTuple):
+    """FFR with intervals.
+
+    Attributes:
+        found: of each condition that has one.
+        failures: why a condition has none.
+    """
+
+    found: list[UncertainRatio]
+    failures: dict[str, str]
+
+
 @dataclasses.dataclass(frozen=True)
 class CaseResult:
     """All that the pipeline found for a patient.
@@ -152,7 +164,7 @@ class CaseResult:
         curves: resting ratio over α, by law.
         runs: every condition, law, rule and boundary condition; own law and rule first.
         failures: laws other than the case's own that could not be calibrated, with the reason.
-        uncertainty: FFR with its interval, of each condition under stress; None: not asked for.
+        uncertainty: FFR of each condition under stress with its interval; None: not asked for.
     """
 
     patient: Patient
@@ -160,7 +172,7 @@ class CaseResult:
     curves: dict[str, RatioCurve]
     runs: list[Run]
     failures: dict[str, str]
-    uncertainty: list[UncertainRatio] | None = None
+    uncertainty: Intervals | None = None
 
     def run(
         self,

@@ -8,7 +8,7 @@ from jaxfsi import Mesh
 from jaxfsi.anatomy import Anatomy
 from study.case.model import Case
 from study.run.fitted_ramp import FittedRamp
-from study.run.reduced_results import CaseResult, UncertainRatio
+from study.run.reduced_results import CaseResult, Intervals
 from study.run.results import Run3D, calibrated_runs
 from study.run.study_choice import StudyChoice
 from study.run.study_parts import Computed, MotionPart, Sensitivity
@@ -53,7 +53,7 @@ class StudyResult:
     failures: dict[str, str]
     collapsed: dict[str, str]
     computed: Computed
-    uncertainty: list[UncertainRatio] | None = None
+    uncertainty: Intervals | None = None
 
     @property
     def calibrated(self) -> list[Run3D]:

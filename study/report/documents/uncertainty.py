@@ -65,6 +65,7 @@ class UncertainFFR:
         stress_loss: median losses of the artery under stress over those at rest [-].
         flow_reserve: measured flow under stress over that at rest [-].
         flow_reserve_sd: its standard deviation [-].
+        bed_factor_90_after: 5th and 95th percentile of the bed factor with it [-].
         levels: how costlier models correct the samples, in turn.
     """
 
@@ -85,4 +86,5 @@ class UncertainFFR:
     stress_loss: float
     flow_reserve: float | Absent = ABSENT
     flow_reserve_sd: float | Absent = ABSENT
+    bed_factor_90_after: list[float] | Absent = ABSENT
     levels: list[UncertaintyLevel] | Absent = ABSENT

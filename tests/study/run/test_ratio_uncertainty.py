@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calibration import Runs
+from lumped import MMHG
 from study import read_case
 from study.case.faults import CaseError
 from study.run.drawn_runs import drawn_case, drawn_values
@@ -17,6 +18,7 @@ from study.run.ratio_uncertainty import (
     response_to_stress,
     stress_model,
     uncertain_ratios,
+    venous_range,
 )
 
 CASE = """\
@@ -47,7 +49,7 @@ def _case(tmp_path, known="", reserve=""):
 
 
 def _found(case):
-    (one,) = uncertain_ratios(load_patient(case), Progress(), n_samples=2**12)
+    (one,) = uncertain_ratios(load_patient(case), Progress(), n_samples=2**12).found
     return one
 
 
@@ -148,15 +150,15 @@ def test_quadratic_law_is_corrected_by_periodic_states(tmp_path):
 
 def test_runs_in_3d_move_the_interval(tmp_path):
     patient = load_patient(_case(tmp_path))
-    (plain,) = uncertain_ratios(patient, Progress(), n_samples=2**12)
+    (plain,) = uncertain_ratios(patient, Progress(), n_samples=2**12).found
     runs = {"dobutamine": Runs(np.array([0.83]), np.array([0.86]))}
-    (moved,) = uncertain_ratios(patient, Progress(), runs_in_3d=runs, n_samples=2**12)
+    (moved,) = uncertain_ratios(patient, Progress(), runs_in_3d=runs, n_samples=2**12).found
     assert moved.in_3d
     assert not plain.in_3d
     assert moved.found.median == pytest.approx(plain.found.median - 0.03, abs=3e-3)
     # a single run cannot tell by how much others differ: the shift's own size is allowed for
     assert moved.found.sd == pytest.approx(np.hypot(plain.found.sd, 0.03), rel=0.02)
-    assert uncertain_ratios(patient, Progress(), runs_in_3d={}) == []
+    assert uncertain_ratios(patient, Progress(), runs_in_3d={}).found == []
 
 
 def test_drawn_numbers_reach_the_case_of_a_3d_run(tmp_path):
@@ -180,3 +182,38 @@ def test_drawn_numbers_reach_the_case_of_a_3d_run(tmp_path):
     # the bed of the case under stress is that of the drawn patient
     own = stress_model(again, "dobutamine", "factors")
     assert float(own.bed_factor) == pytest.approx(values["bed_factor"])
+
+
+def test_a_condition_without_an_interval_leaves_the_others_theirs(tmp_path):
+    # flow cannot fall to a third while the bed keeps less than half of its resistance
+    impossible = "flow_reserve = 0.3\nflow_reserve_sd = 0.001"
+    case = _case(tmp_path, reserve=impossible)
+    with pytest.raises(RuntimeError, match="no interval of FFR under dobutamine"):
+        uncertain_ratios(load_patient(case), Progress(), n_samples=2**10)
+    other = dataclasses.replace(
+        case.conditions["dobutamine"], name="exercise", flow_reserve=None, flow_reserve_sd=None
+    )
+    case = dataclasses.replace(case, conditions={**case.conditions, "exercise": other})
+    both = uncertain_ratios(load_patient(case), Progress(), n_samples=2**10)
+    assert [one.condition for one in both.found] == ["exercise"]
+    assert list(both.failures) == ["dobutamine"]
+    assert "[condition.dobutamine]" in both.failures["dobutamine"]
+
+
+def test_drug_and_venous_pressure_of_the_case_count(tmp_path):
+    named = _case(tmp_path, reserve='drug = "adenosine"')
+    assert float(response_to_stress(named, "dobutamine").stress_loss.median) == 1.0
+    assert response_to_stress(named, "dobutamine").pooled
+    assert not response_to_stress(_case(tmp_path, "age_years = 40"), "dobutamine").pooled
+    measured = dataclasses.replace(named.coronary, P_venous=8.0 * MMHG)
+    low, high = venous_range(dataclasses.replace(named, coronary=measured))
+    assert (low / MMHG, high / MMHG) == pytest.approx((6.0, 10.0))
+    assert venous_range(named)[1] / MMHG == pytest.approx(12.0)
+
+
+def test_a_drug_at_rest_is_refused(tmp_path):
+    file = tmp_path / "unsure.toml"
+    text = CASE.format(known="", reserve="")
+    file.write_text(text.replace("ffr_sd = 0.01", 'ffr_sd = 0.01\ndrug = "adenosine"'))
+    with pytest.raises(CaseError, match="a drug is given under stress"):
+        read_case(file)

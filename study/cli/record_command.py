@@ -4,6 +4,7 @@ import dataclasses
 import pathlib
 
 from diagnosis import Record
+from study.case.read import read_case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.report.diagnosis_report import diagnosis_report
@@ -12,7 +13,10 @@ from study.report.documents.diagnose import DiagnoseDocument
 from study.report.plan_results import plan_document
 from study.run.diagnosis import diagnose_record, plan_record, record_origin, with_case
 from study.run.diagnosis_in_3d import gap_in_3d, study_in_3d
+from study.run.patient import load_patient
 from study.run.progress import Progress
+from study.run.ratio_uncertainty import uncertain_ratios
+from study.run.reduced_results import Intervals
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
 from study.store.json_form import as_json
@@ -79,13 +83,26 @@ def plan_command(
     record, _ = _known(options, record, remarks)
     with at_work(folder, note), Progress() as progress:
         origin = record_origin(request.words, options)
-        document = as_json(plan_document(record, plan_record(record, progress), origin))
+        intervals = _intervals(options.case, progress)
+        document = as_json(plan_document(record, plan_record(record, progress), origin, intervals))
         written = write_files(
             folder,
             {PLAN_FILE: to_json(document)},
             before=lambda names: make_way(folder, document, note, names),
         )
     return Answer(document, written)
+
+
+def _intervals(path: pathlib.Path | None, progress: Progress) -> tuple[Intervals, str] | None:
+    """FFR of a case file with intervals, and its law; None where it does not say enough."""
+    if path is None or path.suffix != ".toml":
+        return None
+    case = read_case(path)
+    rest = case.conditions.get("rest")
+    if rest is None or rest.ffr is None or len(case.conditions) < 2:
+        return None
+    patient = load_patient(case)
+    return uncertain_ratios(patient, progress), case.surrogate.law
 
 
 def _known(

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from study.report.number_formats import signed
-from study.report.uncertainty_words import causes_words, rules_words, uncertainty_words
+from study.report.uncertainty_words import causes_words, help_words, rules_words, uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
 Document = Mapping[str, Any]
@@ -53,6 +53,10 @@ def _diagnosis(document: Document) -> Iterator[str]:
 def _plan(document: Document) -> Iterator[str]:
     yield f"{document['id']}"
     yield from _next(document)
+    if document.get("uncertainty"):
+        yield uncertainty_words(document)
+    for entry in document.get("uncertainty", []):
+        yield from help_words(entry)
     for name, row in document["sensors"].items():
         yield f"{name}: {len(row['isolable'])} effects could be told, {', '.join(row['isolable'])}"
 
@@ -108,6 +112,7 @@ def _intervals(document: Document) -> Iterator[str]:
     yield uncertainty_words(document)
     for entry in document["uncertainty"]:
         yield f"  {entry['condition']}: {causes_words(entry)}"
+        yield from (f"  {line}" for line in help_words(entry))
     yield ""
     yield rules_words(document)
 

@@ -72,6 +72,32 @@ def causes_words(entry: Mapping[str, Any]) -> str:
     return f"of its variance, {', '.join(parts)}"
 
 
+MEASURED_BY = {
+    "bed_factor": "flow under stress over that at rest (flow_reserve of the condition)",
+    "rest_ratio": "the resting Pd/Pa again, the wire equalised before and after",
+    "stress_loss": "the lumen under stress, by ultrasound",
+    "R0": "the lumen",
+    "K": "the lumen",
+    "P_venous": "the right atrial pressure",
+}
+"""What would be measured to know a number better."""
+
+WORTH = 0.1
+"""Share by which an interval must shrink for a measurement to be named."""
+
+
+def help_words(entry: Mapping[str, Any]) -> list[str]:
+    """What to measure, and from what to what the interval shrinks, best first."""
+    low, high = entry["interval_90"]
+    return [
+        f"measure {MEASURED_BY.get(row['name'], NAMES.get(row['name'], row['name']))}: FFR under"
+        f" {entry['condition']} from [{low:.2f}, {high:.2f}] to"
+        f" [{row['interval_if_known'][0]:.2f}, {row['interval_if_known'][1]:.2f}]"
+        for row in help_rows(entry)
+        if row["narrower"] >= WORTH
+    ]
+
+
 def level_words(entry: Mapping[str, Any]) -> str:
     """How many samples there are, and what corrects them."""
     found = [f"{entry['n_samples']} draws"]

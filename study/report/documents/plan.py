@@ -3,6 +3,8 @@
 import dataclasses
 
 from study.report.documents.parts import NextMeasurement
+from study.report.documents.uncertainty import UncertainFFR
+from study.store.json_form import ABSENT, Absent
 from study.store.provenance import Provenance
 
 
@@ -33,6 +35,8 @@ class PlanDocument:
         sensors: what each set of sensors could show.
         noise_sd_mmHg: standard deviation of a sample of a pressure.
         provenance: inputs, options, versions.
+        uncertainty: FFR with intervals, their causes and what would shrink them; absent without
+            a case that has a resting ratio and a condition under stress.
     """
 
     kind: str
@@ -42,3 +46,4 @@ class PlanDocument:
     sensors: dict[str, SensorSet]
     noise_sd_mmHg: float
     provenance: Provenance
+    uncertainty: list[UncertainFFR] | Absent = ABSENT

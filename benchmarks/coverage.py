@@ -26,7 +26,8 @@ from calibration import (
     stress_evidence,
 )
 from lumped import Surrogate, condition_from_clinic, nominal_coronary, stress_rule
-from study.run.ratio_uncertainty import RESERVE_ERROR, ratio_uncertainty
+from lumped.nominal import RESERVE_ERROR
+from study.run.ratio_uncertainty import ratio_uncertainty
 
 SEED = 20261126
 N_PATIENTS = 200

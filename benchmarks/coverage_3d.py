@@ -122,7 +122,10 @@ def _row(folder: pathlib.Path, patient: Mapping[str, Any], truth: dict[str, Any]
     if truth["rest"] is None or truth["stress"] is None:
         return row | {"why": "no whole beat"}
     patient_seen = load_patient(read_case(_measured(folder, patient, truth)))
-    (found,) = uncertain_ratios(patient_seen, Progress()).found
+    try:
+        (found,) = uncertain_ratios(patient_seen, Progress()).found
+    except RuntimeError as error:
+        return row | {"why": str(error)}
     low, high = found.found.interval()
     return row | {
         "rest_ratio": truth["rest"],

@@ -5,7 +5,8 @@ model (FFR by means, corrected by periodic states), the same distributions of th
 same evidence:
 
 - draws weighed by the evidence and drawn again (`calibration.uncertainty`), what the pages show;
-- the No-U-Turn sampler of blackjax in the standard normal numbers of the inputs, the reference;
+- the No-U-Turn sampler of blackjax in the standard normal numbers of the inputs, the reference,
+  which like Laplace leaves out the small error of the correction;
 - Laplace: a normal distribution at the mode, with the curvature there, FFR to first order.
 
 Source: Hoffman & Gelman 2014, JMLR 15:1593; Tierney & Kadane 1986, JASA 81:82.
@@ -37,7 +38,8 @@ from calibration import (
     stress_evidence,
     uncertainty,
 )
-from study.run.ratio_uncertainty import N_RUNS, RESERVE_ERROR
+from lumped.nominal import RESERVE_ERROR
+from study.run.ratio_uncertainty import N_RUNS
 
 N_PATIENTS = 20
 N_SAMPLES = 2**15
@@ -122,12 +124,12 @@ def _row(number: int, patient: Mapping[str, Any]) -> dict[str, Any]:
         stress_evidence(patient["drug"], patient["age_group"]),
         MeasurementErrors(rest_ratio=REST_RATIO_ERROR),
     )
-    quick = eqx.Partial(model.ffr_of_means, form=model.form_factors)
+    medians = {name: spread.value(jnp.zeros(())) for name, spread in inputs.items()}
+    form = model.with_values(medians).form_factors
+    quick = eqx.Partial(model.ffr_of_means, form=form)
     runs = evaluate(model.ffr, quick, inputs, N_RUNS)
     # arrays for plain numbers, so that one compilation serves all patients
-    learned = jax.tree.map(
-        lambda leaf: leaf if isinstance(leaf, str) else jnp.asarray(leaf, float), correction(runs)
-    )
+    learned = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), correction(runs))
     reserve = patient["measured"]["cfr"]
     sd = RESERVE_ERROR * reserve
     posterior = InputDensity(

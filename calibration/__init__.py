@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         next_alpha,
         surrogate_ratio,
     )
+    from calibration.interval import Uncertainty
     from calibration.lumen_record import LumenChange, LumenProfile, lumen_change, lumen_profile
     from calibration.optimum import Fit
     from calibration.patient_inputs import MeasurementErrors, patient_inputs
@@ -79,7 +80,6 @@ if TYPE_CHECKING:
     )
     from calibration.two_levels import Correction, Runs, correction
     from calibration.uncertainty import (
-        Uncertainty,
         evaluate,
         interval_bounds,
         standard_normals,

@@ -16,6 +16,7 @@ taken back.
 """
 
 import equinox as eqx
+import numpy as np
 
 from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
 from calibration.stress_evidence import StressEvidence
@@ -62,9 +63,10 @@ def patient_inputs(
         BED_FACTOR: evidence.bed_factor,
         STRESS_LOSS: evidence.stress_loss,
         "R0": LogNormal(artery.R0, errors.loss),
-        "im_factor": LogNormal(artery.coronary.im_factor, errors.im_factor),
         "P_venous": Uniform(*errors.P_venous),
     }
+    if np.all(np.asarray(artery.coronary.im_factor) > 0.0):  # a bed that is not squeezed is not
+        inputs["im_factor"] = LogNormal(artery.coronary.im_factor, errors.im_factor)
     if artery.K is not None:
         inputs["K"] = LogNormal(artery.K, errors.loss)
     for prefix in ("", REST_PREFIX):

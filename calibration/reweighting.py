@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-LEAST_EFFECTIVE = 30.0
+LEAST_EFFECTIVE = 100.0
 """Samples of equal weight that must be left with evidence."""
 
 FARTHEST = 3.0
@@ -45,12 +45,24 @@ def _weights(
     return weights / np.sum(weights), float(np.sqrt(np.min(misfit)))
 
 
+def _out_of_reach(
+    predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence]
+) -> bool:
+    """Whether some measured value lies beyond all that is predicted of it."""
+    return any(
+        not p.size or not np.min(p) <= e.value <= np.max(p)
+        for p, e in zip(predicted, evidence, strict=True)
+    )
+
+
 def agreeing(
     predicted: Sequence[Float[np.ndarray, " samples"]], evidence: Sequence[Evidence]
 ) -> float:
     """Samples of equal weight that agree with the evidence; infinite where none comes near."""
     weights, farthest = _weights(predicted, evidence)
-    return np.inf if farthest > FARTHEST else float(1.0 / np.sum(weights**2))
+    if farthest > FARTHEST and _out_of_reach(predicted, evidence):
+        return np.inf
+    return float(1.0 / np.sum(weights**2))
 
 
 def drawn_again(
@@ -58,14 +70,14 @@ def drawn_again(
 ) -> tuple[Int[np.ndarray, " samples"], float]:
     """Samples drawn by their weights, and how many of equal weight say as much."""
     weights, farthest = _weights(predicted, evidence)
-    if farthest > FARTHEST:
+    if farthest > FARTHEST and _out_of_reach(predicted, evidence):
         raise RuntimeError(
             f"what was measured and the other numbers contradict each other: the nearest of"
             f" {len(weights)} samples is {farthest:.1f} standard deviations away. Check the"
             " measured value and its standard deviation, or widen the other numbers."
         )
     n_effective = float(1.0 / np.sum(weights**2))
-    if n_effective < LEAST_EFFECTIVE:
+    if not n_effective >= LEAST_EFFECTIVE:
         raise RuntimeError(
             f"only {n_effective:.0f} of {len(weights)} samples agree with what was measured."
             " Give it a larger standard deviation, or take more samples."

@@ -17,8 +17,8 @@ alone give FFR. At rest and under stress, s being the factor of the losses,
     (1 − r) P̄_rest = R0 Q̄ + K β_rest Q̄²,     α R_total = (r P̄_rest − P_venous)/Q̄
     P̄_stress − P_venous = (s R0 + f α R_total) Q̄ + s K β_stress Q̄²
 
-β changes little with the numbers of a patient: with that of the nominal ones FFR is met within some
-0.01 (standard deviation over what is uncertain of a patient) without a periodic state, and
+β changes with the numbers of a patient, most with the bed under stress. With β at the medians of
+what is uncertain FFR is met within 0.01 to 0.02 (standard deviation) without a periodic state, and
 `calibration.two_levels` learns the rest.
 """
 

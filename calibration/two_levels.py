@@ -5,14 +5,18 @@ What it lacks is learned from few runs of both,
 
     f(z) ≈ g(z) + δ(z) + e,     δ = c₀ + c₁ (g − ḡ) + Σ c_i z_i,
 
-with as many of these terms, in this order, as the runs support: those whose error is least when
-each run in turn is left out. e is normal with that error, so that an interval does not look
-narrower than the runs say; a single run cannot tell, and its error is taken to be |c₀|. With the
-correlation ρ of f and g + δ, each run left out, the mean of f has 1/(1 − ρ²) times less variance
-than from the same runs without g.
+with as many of these terms, in this order, as clearly lower the error when each run in turn is left
+out. The error e of another sample with the terms x is Student's t with ν degrees of freedom,
+
+    e = s √(1 + h) t_ν,   h = xᵀ (XᵀX)⁻¹ x,   s² = (Σ r² + ν₀ s₀²)/ν,   ν = n − p + ν₀,
+
+for n runs and p terms with residuals r: h grows away from the runs, so that a scale learned in a
+narrow band promises little outside. s₀ is the error expected before any run, which counts as ν₀
+runs.
 
 Source: Giles 2015, Multilevel Monte Carlo methods, Acta Numerica 24:259, sec. 1.2 and 2.1 (control
-variates, two levels); Hastie, Tibshirani & Friedman 2009, sec. 7.10 (leaving one out).
+variates, two levels); Gelman et al. 2013, Bayesian Data Analysis, sec. 14.2 (prediction from a
+regression); Hastie, Tibshirani & Friedman 2009, sec. 7.10 (leaving one out).
 """
 
 from typing import NamedTuple
@@ -21,12 +25,21 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from scipy.special import ndtr, stdtrit
 
 TERMS = ("shift", "scale", "linear")
 """Kinds of corrections, each with the terms of those before it."""
 
 LEAST_RUNS_PER_TERM = 2.0
 """Runs that each term of a correction must have."""
+
+CLEARLY = 0.8
+"""Error of a kind with more terms over that of a simpler one, from which it is taken."""
+
+EXPECTED_RUNS = 4.0
+"""ν₀: runs that an error expected beforehand counts for."""
+
+_WHOLE_LEVERAGE = 1e-8
 
 
 class Runs(NamedTuple):
@@ -35,34 +48,51 @@ class Runs(NamedTuple):
     Attributes:
         costly: the costly one; NaN where it has no value.
         cheap: the cheap one; NaN likewise.
-        z: the inputs as standard normal numbers, in the order of the inputs; None where they are
-            not draws of their distributions, and terms in z cannot be learned.
+        z: the inputs as standard normal numbers of the same distributions as those of the draws, in
+            their order; None where they are not such draws, and terms in z cannot be learned.
+        name: of the costly scalar; its error stands under it among the causes.
+        error: standard deviation expected of the correction before any run; 0: nothing is known.
+        names: of the inputs, in order, so that another order is refused; empty: not told.
     """
 
     costly: Float[np.ndarray, " runs"]
     cheap: Float[np.ndarray, " runs"]
     z: Float[np.ndarray, "runs inputs"] | None = None
+    name: str = "model"
+    error: float = 0.0
+    names: tuple[str, ...] = ()
 
 
 class Correction(eqx.Module):
     """What a costly scalar is beyond a cheap one.
 
     Attributes:
-        kind: one of `TERMS`.
+        name: of the costly scalar (static).
+        kind: one of `TERMS` (static).
         middle: mean of the cheap scalar over the runs.
         coefficients: of the terms.
-        error: standard deviation of a run that is left out.
-        correlation: of the costly and the corrected cheap scalar, each run left out; NaN with less
-            than three runs.
-        n_runs: runs that it was learned from.
+        covariance: (XᵀX)⁻¹ of the runs' terms.
+        error: s, standard deviation of the residuals.
+        freedom: ν, degrees of freedom of the error.
+        correlation: of the costly and the corrected cheap scalar, each run left out; 0 where it is
+            negative, NaN with less than three runs.
+        gain: variance of the costly scalar over the squared error of runs left out, which is by how
+            much the variance of its mean falls; NaN with less than three runs.
+        n_runs: runs that it was learned from (static).
+        n_failed: runs without a value (static).
     """
 
-    kind: str
+    name: str = eqx.field(static=True)
+    kind: str = eqx.field(static=True)
     middle: float
     coefficients: Float[np.ndarray, " terms"]
+    covariance: Float[np.ndarray, "terms terms"]
     error: float
+    freedom: float
     correlation: float
-    n_runs: int
+    gain: float
+    n_runs: int = eqx.field(static=True)
+    n_failed: int = eqx.field(static=True)
 
     def __call__(
         self,
@@ -70,12 +100,25 @@ class Correction(eqx.Module):
         cheap: Float[Array | np.ndarray, "*samples"],
     ) -> Float[Array, "*samples"]:
         """The costly scalar expected at other samples, from the cheap one there."""
-        change = jnp.full_like(cheap, self.coefficients[0])
-        if self.kind != "shift":
-            change = change + self.coefficients[1] * (cheap - self.middle)
-        if self.kind == "linear":
-            change = change + z @ self.coefficients[2:]
-        return jnp.asarray(cheap + change)
+        cheap = jnp.asarray(cheap, float)
+        return cheap + self._terms(z, cheap) @ jnp.asarray(self.coefficients)
+
+    def missed(
+        self,
+        z: Float[np.ndarray, "samples inputs"],
+        cheap: Float[np.ndarray, " samples"],
+        e: Float[np.ndarray, " samples"],
+    ) -> Float[np.ndarray, " samples"]:
+        """What other samples may be off by.
+
+        Args:
+            z: the samples.
+            cheap: the cheap scalar there.
+            e: a standard normal number for each.
+        """
+        terms = np.asarray(self._terms(z, jnp.asarray(cheap, float)))
+        leverage = np.einsum("si,ij,sj->s", terms, self.covariance, terms)
+        return self.error * np.sqrt(1.0 + leverage) * stdtrit(self.freedom, ndtr(e))
 
     def slope(self, cheap: Float[np.ndarray, " inputs"]) -> Float[np.ndarray, " inputs"]:
         """Derivative of the costly scalar by each z_i, from that of the cheap one."""
@@ -83,55 +126,85 @@ class Correction(eqx.Module):
         own = self.coefficients[2:] if self.kind == "linear" else 0.0
         return np.asarray(cheap * (1.0 + scale) + own)
 
-    @property
-    def gain(self) -> float:
-        """Variance of the mean of the runs alone over that with the cheap scalar beside them."""
-        return 1.0 / max(1.0 - self.correlation**2, np.finfo(float).eps)
+    def _terms(self, z: Array | np.ndarray, cheap: Array) -> Array:
+        columns = [
+            jnp.ones_like(cheap)[..., None],
+            (cheap - self.middle)[..., None],
+            jnp.asarray(z),
+        ]
+        return jnp.concatenate(columns[: TERMS.index(self.kind) + 1], axis=-1)
 
 
 def correction(runs: Runs) -> Correction:
     """Learn what a costly scalar is beyond a cheap one.
 
+    A single run without an expected error cannot tell its own: |c₀| is taken for it.
+
     Args:
-        runs: of both; one without a value of both is left out.
+        runs: of both; one without a value of both is left out, and counted.
 
     Raises:
-        ValueError: no run has both values.
+        ValueError: no run has both values, or their numbers differ.
     """
-    good = np.isfinite(runs.costly) & np.isfinite(runs.cheap)
-    f, g = runs.costly[good], runs.cheap[good]
+    costly, cheap = np.asarray(runs.costly, float), np.asarray(runs.cheap, float)
+    if costly.shape != cheap.shape or costly.ndim != 1:
+        raise ValueError(f"costly has the shape {costly.shape}, cheap {cheap.shape}: give one each")
+    good = np.isfinite(costly) & np.isfinite(cheap)
+    if runs.z is not None:
+        good &= np.all(np.isfinite(runs.z), axis=1)
+    f, g = costly[good], cheap[good]
     n = len(f)
     if n == 0:
         raise ValueError("no run has a value of both scalars: give at least one that has")
     middle = float(np.mean(g))
     columns = [np.ones((n, 1)), (g - middle)[:, None]]
     if runs.z is not None:
-        columns.append(runs.z[good])
-    found = []
+        columns.append(np.asarray(runs.z)[good])
+    chosen = None
     for k, kind in enumerate(TERMS[: len(columns)]):
         terms = np.concatenate(columns[: k + 1], axis=1)
-        if found and n < LEAST_RUNS_PER_TERM * terms.shape[1]:
+        if chosen is not None and n < LEAST_RUNS_PER_TERM * terms.shape[1]:
             break
-        coefficients, missed = _least_squares(terms, f - g)
-        error = float(np.sqrt(np.mean(missed**2))) if n > 1 else float(np.abs(coefficients[0]))
-        related = _correlation(f, f - missed)
-        found.append(Correction(kind, middle, coefficients, error, related, n))
-    return min(found, key=lambda one: one.error)
+        found = _learned(runs, kind, terms, f, g, middle)
+        if chosen is None or found[0] < CLEARLY * chosen[0]:
+            chosen = found
+    assert chosen is not None, "the shift is always learned"
+    return chosen[1]
 
 
-def _least_squares(columns: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients, and by how much each row is missed by those of the others.
+def _learned(
+    runs: Runs, kind: str, terms: np.ndarray, f: np.ndarray, g: np.ndarray, middle: float
+) -> tuple[float, Correction]:
+    """A correction with its terms, behind the error of runs that are left out.
 
     With the leverages h_i, diagonal of X X⁺, a row's residual without it is r_i/(1 − h_i).
     """
-    inverse = np.linalg.pinv(columns)
-    coefficients = inverse @ y
-    leverage = np.einsum("ij,ji->i", columns, inverse)
-    residual = y - columns @ coefficients
-    return coefficients, residual / np.maximum(1.0 - leverage, 1e-12)
+    n, p = terms.shape
+    inverse = np.linalg.pinv(terms)
+    coefficients = inverse @ (f - g)
+    residual = f - g - terms @ coefficients
+    room = 1.0 - np.einsum("ij,ji->i", terms, inverse)
+    alone = room < _WHOLE_LEVERAGE  # without such a run its own term has no others
+    missed = np.where(alone, np.inf if n > 1 else 0.0, residual / np.where(alone, 1.0, room))
+    left_out = float(np.sqrt(np.mean(missed**2)))
+    before = EXPECTED_RUNS if runs.error > 0.0 else 0.0
+    freedom = max(n - p, 0) + before
+    if freedom > 0.0:
+        error = float(np.sqrt((np.sum(residual**2) + before * runs.error**2) / freedom))
+    else:
+        error, freedom = float(np.abs(coefficients[0])), EXPECTED_RUNS
+    few = n < 3 or not np.isfinite(left_out)
+    related = np.nan if few else max(_correlation(f, f - missed), 0.0)
+    gain = np.nan if few else float(np.var(f) / max(left_out**2, np.finfo(float).tiny))
+    covariance = inverse @ inverse.T
+    n_failed = len(runs.costly) - n
+    return left_out, Correction(
+        runs.name, kind, middle, coefficients, covariance, error, freedom, related, gain, n,
+        n_failed,
+    )  # fmt: skip
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    if len(a) < 3 or np.std(a) == 0.0 or np.std(b) == 0.0:
-        return np.nan
+    if np.std(a) == 0.0 or np.std(b) == 0.0:
+        return 0.0
     return float(np.corrcoef(a, b)[0, 1])

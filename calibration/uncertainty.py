@@ -10,11 +10,6 @@ calibrates inside, such as FFR with α tuned to the resting ratio, has the right
 itself. Shape, quantiles and chances come from samples of z, a scrambled Sobol sequence: for smooth
 scalars of a few inputs their error falls nearly as 1/n.
 
-If an input were known better, with c times its standard deviation σ_i, and had its median m_i, the
-samples would have the weights of such a measurement::
-
-    exp(−(z_i − m_i)²/2s²),   1/s² = 1/(c σ_i)² − 1/σ_i²
-
 Evidence, a measured value m ± s of something that the same inputs predict as f(z), weighs the
 samples by exp(−(f(z) − m)²/2s²) (`calibration.reweighting`).
 
@@ -35,6 +30,7 @@ from jaxtyping import Array, Float
 from scipy.special import betainc, ndtri
 from scipy.stats import qmc
 
+from calibration.interval import Uncertainty, tail_of
 from calibration.reweighting import LEAST_EFFECTIVE, Evidence, agreeing, drawn_again
 from calibration.spreads import EDGE, AbstractSpread
 from calibration.sweep import BATCH
@@ -46,97 +42,6 @@ MOST_FAILED = 0.01
 MOST_ROUNDS = 16
 """Times that the samples are drawn, each in another sequence, until enough agree with evidence."""
 
-SHARPEST = 0.15
-"""Least standard deviation of an input that is known better, over that now."""
-
-
-class Uncertainty(eqx.Module):
-    """A scalar with its error bar.
-
-    Attributes:
-        nominal: value where all inputs have their medians.
-        slopes: change of the scalar by one standard deviation of each input, to first order; with
-            evidence, by the one that is left.
-        z: samples of the inputs as standard normal numbers, in the order of `slopes`.
-        samples: values of the scalar there, those without one left out.
-        n_failed: samples without a value.
-        n_effective: samples of equal weight that say as much as those with evidence.
-        corrections: what runs of costlier scalars added, in turn.
-    """
-
-    nominal: float
-    slopes: dict[str, float]
-    z: Float[np.ndarray, "samples inputs"]
-    samples: Float[np.ndarray, " samples"]
-    n_failed: int
-    n_effective: float
-    corrections: tuple[Correction, ...] = ()
-
-    @property
-    def median(self) -> float:
-        """Median of the samples."""
-        return float(np.median(self.samples))
-
-    @property
-    def sd(self) -> float:
-        """Standard deviation of the samples."""
-        return float(np.std(self.samples))
-
-    @property
-    def linear_sd(self) -> float:
-        """Standard deviation to first order, √(Σ g²)."""
-        return float(np.sqrt(sum(slope**2 for slope in self.slopes.values())))
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """Part of each input in the variance to first order, largest first; they sum up to 1."""
-        total = self.linear_sd**2
-        parts = {name: slope**2 / total if total else 0.0 for name, slope in self.slopes.items()}
-        return dict(sorted(parts.items(), key=lambda part: -part[1]))
-
-    def interval(self, level: float = 0.9) -> tuple[float, float]:
-        """Bounds that leave out as many samples below as above.
-
-        Args:
-            level: part of the samples inside.
-
-        Raises:
-            ValueError: a level that is not between 0 and 1.
-        """
-        return _bounds(self.samples, level)
-
-    def chance(self, limit: float) -> float:
-        """Part of the samples at or below a limit."""
-        return float(np.mean(self.samples <= limit))
-
-    def known_better(
-        self, name: str, factor: float = 0.0, *, level: float = 0.9
-    ) -> tuple[float, float]:
-        """The interval if an input were known better and had its median.
-
-        Args:
-            name: of the input.
-            factor: its standard deviation then over that now; what is below `SHARPEST` counts as
-                that, so that samples are left.
-            level: see `interval`.
-
-        Raises:
-            KeyError: there is no such input.
-            ValueError: a factor below 0 or above 1, or a level that is not between 0 and 1.
-        """
-        if name not in self.slopes:
-            known = ", ".join(self.slopes)
-            raise KeyError(f"there is no input {name!r}; take one of {known}")
-        if not 0.0 <= factor <= 1.0:
-            raise ValueError(f"factor = {factor!r} is not between 0 and 1")
-        z = self.z[:, list(self.slopes).index(name)]
-        sharp = max(factor, SHARPEST)
-        if sharp == 1.0:
-            return self.interval(level)
-        scale = np.std(z) * sharp / np.sqrt(1.0 - sharp**2)
-        weights = np.exp(-0.5 * ((z - np.median(z)) / max(scale, EDGE)) ** 2)
-        return _bounds(self.samples, level, weights)
-
 
 def uncertainty(
     scalar: Callable[[dict[str, Array]], Float[Array, ""]],
@@ -144,6 +49,7 @@ def uncertainty(
     *,
     evidence: Sequence[Evidence] = (),
     runs: Sequence[Runs] = (),
+    bounds: tuple[float, float] = (-np.inf, np.inf),
     n_samples: int = 2**12,
     batch_size: int = BATCH,
     seed: int = 0,
@@ -157,18 +63,21 @@ def uncertainty(
         evidence: what was measured besides.
         runs: a costlier and better scalar beside this one at a few inputs, then a still costlier
             one beside that, and so on; what each lacks of the next is learned from them.
+        bounds: least and largest value that the scalar can have: a correction by runs that goes
+            beyond is held there.
         n_samples: samples, rounded up to a power of two.
         batch_size: samples evaluated at once.
         seed: of the scrambling.
 
     Raises:
-        ValueError: no input, less than two samples, evidence without a standard deviation, or runs
-            of other inputs.
+        ValueError: no input, less than two samples, evidence without a value or a standard
+            deviation, or runs of other inputs.
         RuntimeError: the scalar has no value or derivative at the medians, lacks one in more than
             `MOST_FAILED` of the samples, or hardly any sample agrees with the evidence.
     """
     _check(inputs, evidence, runs, n_samples)
     names = tuple(inputs)
+    learned = tuple(correction(level) for level in runs)
     spreads, functions = _traced(
         (tuple(inputs.values()), (scalar, *(e.predicted for e in evidence)))
     )
@@ -180,10 +89,11 @@ def uncertainty(
             f"the scalar is {float(nominal):g} where all inputs have their medians, with no"
             f" derivative by {', '.join(missing) or 'none'}. Check those inputs."
         )
-    learned = tuple(correction(level) for level in runs)
+    errors = np.array([level.error for level in learned])
     for level in learned:
         nominal, slopes = level(middle, nominal), level.slope(slopes)
-    model = _Model(names, spreads, functions, learned, batch_size)
+    slopes = np.concatenate([slopes, errors])
+    model = _Model(names, spreads, functions, learned, bounds, batch_size)
     z, values, predicted = _samples(n_samples, model, evidence, seed)
     good = np.all([np.isfinite(p) for p in (values, *predicted)], axis=0)
     n_failed = int(np.sum(~good))
@@ -196,10 +106,23 @@ def uncertainty(
     n_effective = float(len(values))
     if evidence:
         chosen, n_effective = drawn_again([p[good] for p in predicted], evidence, seed)
-        slopes = slopes * np.std(z[chosen], axis=0) / np.std(z, axis=0)
         z, values = z[chosen], values[chosen]
-    by_name = dict(zip(names, slopes.tolist(), strict=True))
+        slopes = _explained(z, values)
+    by_name = dict(zip((*names, *(c.name for c in learned)), slopes.tolist(), strict=True))
     return Uncertainty(float(nominal), by_name, z, values, n_failed, n_effective, learned)
+
+
+def _explained(
+    z: Float[np.ndarray, "samples inputs"], values: Float[np.ndarray, " samples"]
+) -> Float[np.ndarray, " inputs"]:
+    """By its square the part of the variance that each input explains, with the sign of its slope.
+
+    Evidence makes inputs depend on each other. With y ≈ Σ b_i z_i by least squares the parts are
+    b_i cov(z_i, y), which add up to what the line explains.
+    """
+    dz, dy = z - np.mean(z, axis=0), values - np.mean(values)
+    b = np.linalg.lstsq(dz, dy, rcond=None)[0]
+    return np.sign(b) * np.sqrt(np.maximum(b * (dz.T @ dy) / len(dy), 0.0))
 
 
 def evaluate(
@@ -208,6 +131,7 @@ def evaluate(
     inputs: Mapping[str, AbstractSpread],
     n_runs: int,
     *,
+    name: str = "model",
     batch_size: int = BATCH,
     seed: int = 0,
 ) -> Runs:
@@ -218,6 +142,7 @@ def evaluate(
         cheap: likewise.
         inputs: see `uncertainty`.
         n_runs: runs, rounded up to a power of two.
+        name: of the costly scalar.
         batch_size: runs made at once.
         seed: of the scrambling.
     """
@@ -227,7 +152,7 @@ def evaluate(
         np.asarray(_evaluated(jnp.asarray(z), tuple(inputs), spreads, scalar, batch_size))
         for scalar in scalars
     )
-    return Runs(of_costly, of_cheap, z)
+    return Runs(of_costly, of_cheap, z, name, names=tuple(inputs))
 
 
 def interval_bounds(
@@ -247,7 +172,8 @@ def interval_bounds(
 
     Args:
         scalar: see `uncertainty`; a sample without a value makes the bounds NaN.
-        inputs: likewise.
+        inputs: likewise; where all of them are exact, so that samples are equal, the bounds have no
+            derivative.
         level: part of the samples inside.
         n_samples: likewise.
         batch_size: likewise.
@@ -259,7 +185,7 @@ def interval_bounds(
     Source: Harrell & Davis 1982, Biometrika 69:635.
     """
     _check(inputs, (), (), n_samples)
-    tail = _tail(level)
+    tail = tail_of(level)
     z = standard_normals(n_samples, len(inputs), seed)
     spreads, scalar = _traced((tuple(inputs.values()), scalar))
     values = _evaluated(jnp.asarray(z), tuple(inputs), spreads, scalar, batch_size)
@@ -281,9 +207,18 @@ def _check(
         raise ValueError("nothing is uncertain: give at least one input")
     if n_samples < 2:
         raise ValueError(f"n_samples = {n_samples!r}: at least 2 are needed")
-    if any(not e.sd > 0.0 for e in evidence):
-        raise ValueError("each piece of evidence needs a standard deviation above 0")
+    if any(not (np.isfinite(e.value) and 0.0 < e.sd < np.inf) for e in evidence):
+        raise ValueError(
+            "each piece of evidence needs a finite value and a standard deviation above 0"
+        )
+    called = [*inputs, *(level.name for level in runs)]
+    if len(set(called)) < len(called):
+        raise ValueError(f"inputs and runs need different names, not {', '.join(called)}")
     for level in runs:
+        if level.names and level.names != tuple(inputs):
+            raise ValueError(
+                f"the runs have the inputs {', '.join(level.names)}, in this order: give the same"
+            )
         if level.z is not None and level.z.shape != (len(level.costly), len(inputs)):
             raise ValueError(
                 f"{len(level.costly)} runs have inputs of shape {level.z.shape}: give one row a run"
@@ -298,6 +233,7 @@ class _Model(NamedTuple):
     spreads: tuple[AbstractSpread, ...]
     functions: tuple[Any, ...]
     corrections: tuple[Correction, ...]
+    bounds: tuple[float, float]
     batch_size: int
 
 
@@ -350,14 +286,15 @@ def _samples(
 
 def _drawn(n: int, model: _Model, seed: int) -> list[np.ndarray]:
     """Samples, the scalar there, and what is predicted of each piece of evidence."""
-    names, spreads, (scalar, *functions), learned, batch_size = model
-    z = standard_normals(n, len(names), seed)
+    names, spreads, (scalar, *functions), learned, bounds, batch_size = model
+    every = standard_normals(n, len(names) + len(learned), seed)
+    z, errors = every[:, : len(names)], every[:, len(names) :]
     values = np.asarray(_evaluated(jnp.asarray(z), names, spreads, scalar, batch_size))
-    rng = np.random.default_rng(seed)
-    for level in learned:
-        values = np.asarray(level(z, values)) + level.error * rng.standard_normal(len(z))
+    for level, e in zip(learned, errors.T, strict=True):
+        values = np.asarray(level(z, values)) + level.missed(z, values, e)
+        values = np.clip(values, *bounds)
     found = _predicted(z, values, names, spreads, tuple(functions), batch_size)
-    return [z, values, *(np.asarray(p) for p in found)]
+    return [every, values, *(np.asarray(p) for p in found)]
 
 
 def standard_normals(n: int, n_inputs: int, seed: int = 0) -> Float[np.ndarray, "samples inputs"]:
@@ -365,26 +302,3 @@ def standard_normals(n: int, n_inputs: int, seed: int = 0) -> Float[np.ndarray, 
     sequence = qmc.Sobol(n_inputs, scramble=True, rng=np.random.default_rng(seed))
     uniform = sequence.random_base2(int(np.ceil(np.log2(n))))
     return ndtri(np.clip(uniform, EDGE, 1.0 - EDGE))
-
-
-def _bounds(
-    samples: Float[np.ndarray, " samples"],
-    level: float,
-    weights: Float[np.ndarray, " samples"] | None = None,
-) -> tuple[float, float]:
-    tail = _tail(level)
-    if weights is None:
-        low, high = np.quantile(samples, [tail, 1.0 - tail])
-    else:
-        order = np.argsort(samples)
-        below = np.cumsum(weights[order])
-        share = (below - 0.5 * weights[order]) / below[-1]
-        low, high = np.interp([tail, 1.0 - tail], share, samples[order])
-    return float(low), float(high)
-
-
-def _tail(level: float) -> float:
-    """Part of the samples below an interval."""
-    if not 0.0 < level < 1.0:
-        raise ValueError(f"level = {level!r} is not between 0 and 1")
-    return (1.0 - level) / 2.0

@@ -27,3 +27,7 @@ IM_FACTOR_SD = 0.3
 
 P_VENOUS_RANGE = (3.0 * MMHG, 12.0 * MMHG)
 """Least and largest venous pressure [dyn/cm²]."""
+
+RESERVE_ERROR = 0.15
+"""Relative standard deviation of a measured flow reserve where none is given: that of two readings
+of one (coronary thermodilution against Doppler)."""

@@ -192,7 +192,7 @@ def build_mesh(
     for attempt, tried in _plan(request):
         stages = _Stages(progress)
         try:
-            made, notes = _fitting(anatomy, attempt, tried, stages)
+            made, notes, stages = _fitting(anatomy, attempt, tried, stages)
         except NotInstalledError:
             raise
         except MeshingError as error:
@@ -227,23 +227,26 @@ def _plan(request: MeshRequest) -> list[tuple[Attempt, MeshRequest]]:
 
 def _fitting(
     anatomy: Anatomy, attempt: Attempt, request: MeshRequest, stages: _Stages
-) -> tuple[_Made, list[str]]:
+) -> tuple[_Made, list[str], _Stages]:
     """An attempt, with a closer fit where the septum keeps too little of its thickness."""
     made, notes = _attempted(anatomy, attempt, request, stages)
     kept = _septum_kept(made[-1])
     if kept >= LEAST_SEPTUM:
-        return made, notes
+        return made, notes, stages
     closer = attempt._replace(deviation=_CLOSER * attempt.deviation)
     with contextlib.suppress(MeshingError):
-        again, others = _attempted(anatomy, closer, request, stages)
-        if _septum_kept(again[-1]) > kept:
-            made, notes, kept = again, others, _septum_kept(again[-1])
+        more = _Stages(stages.progress)
+        again, others = _attempted(anatomy, closer, request, more)
+        keeps, wedges = _septum_kept(again[-1]), len(again[0].wedges)
+        # columns are given up for a septum that is right, not for one that is hardly better
+        if keeps >= LEAST_SEPTUM or (keeps > kept and wedges >= len(made[0].wedges)):
+            made, notes, stages, kept = again, others, more, keeps
     if kept < LEAST_SEPTUM:
         notes.append(
             f"the tissue between two lumens keeps {kept:.0%} of its thickness at its worst place"
             " in a hundred: use a finer preset"
         )
-    return made, notes
+    return made, notes, stages
 
 
 def _septum_kept(fidelity: Fidelity) -> float:

@@ -279,6 +279,8 @@ NAMES = {
     "P_systolic": "systolic pressure under stress",
     "P_diastolic": "diastolic pressure under stress",
     "period": "cycle length under stress",
+    "periodic states": "0D by means alone",
+    "runs in 3D": "0D for 3D",
     "rest_P_systolic": "systolic pressure at rest",
     "rest_P_diastolic": "diastolic pressure at rest",
     "rest_period": "cycle length at rest",

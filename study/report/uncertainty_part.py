@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibration import BED_FACTOR
+from lumped.nominal import RESERVE_ERROR
 from study.report.documents.uncertainty import UncertainFFR, UncertaintyCause, UncertaintyLevel
 from study.run.limits import FFR_THRESHOLD
 from study.run.reduced_results import UncertainRatio
@@ -26,7 +27,9 @@ def _part(one: UncertainRatio, law: str) -> UncertainFFR:
     median, spread = float(bed.median), float(np.exp(_Z90 * float(bed.log_sd)))
     reserve, reserve_sd = one.flow_reserve or (ABSENT, ABSENT)
     causes = [
-        UncertaintyCause(name, share, ffr.slopes[name], list(ffr.known_better(name)))
+        UncertaintyCause(
+            name, share, ffr.slopes[name], list(ffr.known_better(name, _known_to(one, name)))
+        )
         for name, share in ffr.shares.items()
     ]
     return UncertainFFR(
@@ -60,18 +63,23 @@ def _bed_factor_after(one: UncertainRatio) -> list[float]:
 
 
 def _levels(one: UncertainRatio) -> list[UncertaintyLevel]:
-    """How costlier models correct the samples; the last one is that in 3D, where there is one."""
-    found = one.found.corrections
-    names = ["periodic states"] * len(found)
-    if one.in_3d:
-        names[-1] = "runs in 3D"
+    """How costlier models correct the samples."""
     return [
         UncertaintyLevel(
-            of,
+            level.name,
             level.n_runs,
             level.kind,
             level.error,
             None if math.isnan(level.correlation) else level.correlation,
+            level.n_failed,
         )
-        for of, level in zip(names, found, strict=True)
+        for level in one.found.corrections
     ]
+
+
+def _known_to(one: UncertainRatio, name: str) -> float:
+    """Standard deviation of a number after it was measured, over that before."""
+    if name == "rest_ratio":
+        return math.sqrt(0.5)
+    log_sd = float(one.evidence.bed_factor.log_sd)
+    return min(1.0, RESERVE_ERROR / log_sd) if name == BED_FACTOR and log_sd > 0.0 else 0.0

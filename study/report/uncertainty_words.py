@@ -28,10 +28,10 @@ def rules_words(document: Mapping[str, Any]) -> str:
     factors = entry["rule_bed_factors"].items()
     rules = ", ".join(f"{factor:.2f} by the rule {rule}" for rule, factor in factors)
     low, high = entry["bed_factor_90"]
+    bed = f"{entry['bed_factor']:.2f} [{low:.2f}, {high:.2f}] by {source_words(entry)}"
     return (
-        f"The bed keeps {rules} of its resting resistance, and {entry['bed_factor']:.2f}"
-        f" [{low:.2f}, {high:.2f}] by {source_words(entry)}. With the rules and no error but that"
-        " of the resting ratio:"
+        f"Under {entry['condition']} the bed keeps {rules} of its resting resistance, and {bed}."
+        " With the rules and no error but that of the resting ratio:"
     )
 
 
@@ -90,12 +90,17 @@ def help_words(entry: Mapping[str, Any]) -> list[str]:
     """What to measure, and from what to what the interval shrinks, best first."""
     low, high = entry["interval_90"]
     return [
-        f"measure {MEASURED_BY.get(row['name'], NAMES.get(row['name'], row['name']))}: FFR under"
+        f"measure {MEASURED_BY[row['name']]}: FFR under"
         f" {entry['condition']} from [{low:.2f}, {high:.2f}] to"
         f" [{row['interval_if_known'][0]:.2f}, {row['interval_if_known'][1]:.2f}]"
         for row in help_rows(entry)
-        if row["narrower"] >= WORTH
+        if row["narrower"] >= WORTH and row["name"] in MEASURED_BY and not _measured(entry, row)
     ]
+
+
+def _measured(entry: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+    """Whether a cause was measured already."""
+    return row["name"] == "bed_factor" and entry.get("flow_reserve") is not None
 
 
 def level_words(entry: Mapping[str, Any]) -> str:
@@ -103,6 +108,11 @@ def level_words(entry: Mapping[str, Any]) -> str:
     found = [f"{entry['n_samples']} draws"]
     for level in entry.get("levels", []):
         found.append(f"corrected by {level['runs']} {level['of']} (error {level['error']:.4f})")
+        if level.get("failed"):
+            found.append(
+                f"{level['failed']} more {level['of']} had none, since the lumen collapsed: low"
+                " values of FFR are missing"
+            )
     return ", ".join(found)
 
 

@@ -12,6 +12,7 @@ periodic states correct; runs in 3D, where there are any, correct those.
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from calibration import (
     AbstractSpread,
@@ -28,6 +29,7 @@ from calibration import (
     uncertainty,
 )
 from lumped import MMHG
+from lumped.nominal import RESERVE_ERROR
 from study.case.condition import Condition
 from study.case.model import Case
 from study.run.patient import Patient, ratio_error
@@ -39,10 +41,6 @@ N_RUNS = 2**7
 """Periodic states, of a patient with quadratic loss, behind the samples."""
 
 ADULT_YEARS = 18.0
-RESERVE_ERROR = 0.15
-"""Relative standard deviation of a measured flow reserve where none is given: that of two readings
-of one (coronary thermodilution against Doppler)."""
-
 P_VENOUS_ERROR = 2.0 * MMHG
 """Of a venous pressure that a case gives [dyn/cm²]: catheter in the right atrium, level of zero."""
 
@@ -96,13 +94,13 @@ def _uncertain(
         found = ratio_uncertainty(
             model, inputs, measured, runs_in_3d=runs_in_3d, n_samples=n_samples
         )
-    except RuntimeError as error:
+    except (RuntimeError, ValueError) as error:
         keys = "[uncertainty]" if reserve is None else "flow_reserve, [uncertainty]"
         raise RuntimeError(
             f"no interval of FFR under {name}: {error} (keys: [condition.{name}], {keys})"
         ) from error
     factors = {rule: float(stress_model(patient, name, rule).bed_factor) for rule in patient.rules}
-    return UncertainRatio(name, found, response, factors, reserve, bool(runs_in_3d))
+    return UncertainRatio(name, found, response, factors, reserve)
 
 
 def stress_model(patient: Patient, condition: str, rule: str | None = None) -> StressRatio:
@@ -145,16 +143,21 @@ def ratio_uncertainty(
     """
     quick, runs = model.ffr, list(runs_in_3d)
     if model.surrogate.K is not None:
-        quick = eqx.Partial(model.ffr_of_means, form=model.form_factors)
-        runs.insert(0, evaluate(model.ffr, quick, inputs, N_RUNS))
-    return uncertainty(quick, inputs, evidence=evidence, runs=runs, n_samples=n_samples)
+        medians = {name: spread.value(jnp.zeros(())) for name, spread in inputs.items()}
+        form = model.with_values(medians).form_factors
+        quick = eqx.Partial(model.ffr_of_means, form=form)
+        runs.insert(0, evaluate(model.ffr, quick, inputs, N_RUNS, name="periodic states"))
+    return uncertainty(
+        quick, inputs, evidence=evidence, runs=runs, bounds=(0.0, 1.0), n_samples=n_samples
+    )
 
 
 def response_to_stress(case: Case, condition: str) -> StressEvidence:
     """What is known of the bed and the slit in a condition: from the case, else the literature."""
     known = case.uncertainty
     named = [drug for drug in _DRUGS if drug in condition.lower()]
-    drug = case.conditions[condition].drug or (named[0] if named else "other")
+    entry = case.conditions.get(condition)
+    drug = (entry.drug if entry else None) or (named[0] if named else "other")
     age = "unknown"
     if known.age is not None:
         age = "adult" if known.age >= ADULT_YEARS else "child"

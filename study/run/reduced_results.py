@@ -131,7 +131,6 @@ class UncertainRatio(NamedTuple):
         evidence: what the response to stress is taken from.
         bed_factors: of the stress rules, by name, on the scale of the evidence.
         flow_reserve: measured one with its standard deviation; None where there is none.
-        in_3d: whether runs in 3D correct it.
     """
 
     condition: str
@@ -139,7 +138,6 @@ class UncertainRatio(NamedTuple):
     evidence: StressEvidence
     bed_factors: dict[str, float]
     flow_reserve: tuple[float, float] | None
-    in_3d: bool = False
 
 
 class Intervals(NamedTuple):

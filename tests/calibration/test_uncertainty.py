@@ -18,7 +18,7 @@ from calibration import (
     uncertainty,
     with_alpha,
 )
-from calibration.uncertainty import SHARPEST
+from calibration.interval import SHARPEST
 from lumped import (
     Surrogate,
     condition_from_clinic,
@@ -168,9 +168,11 @@ def test_evidence_is_bayes_rule_of_normals():
     assert np.mean(found.samples) == pytest.approx(mean, abs=0.01)
     assert found.sd == pytest.approx(sd, rel=0.02)
     assert found.interval() == pytest.approx((mean - Z90 * sd, mean + Z90 * sd), abs=0.03)
-    # each input is known better by its own share of the sum's variance
-    left = np.sqrt(1.0 - 0.3**2 / (0.3**2 + 0.4**2 + 0.25**2))
-    assert found.slopes["a"] == pytest.approx(0.3 * left, rel=0.02)
+    # the part of a in the variance of y is its covariance with y, given m
+    total = 0.3**2 + 0.4**2 + 0.25**2
+    part = 0.3**2 * (1.0 - 0.3**2 / total) + 0.3**2 * 0.4**2 / total
+    assert found.slopes["a"] == pytest.approx(np.sqrt(part), rel=0.02)
+    assert found.linear_sd == pytest.approx(found.sd, rel=1e-6)
 
 
 def test_evidence_that_nothing_agrees_with_is_refused():
@@ -179,6 +181,8 @@ def test_evidence_that_nothing_agrees_with_is_refused():
         uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x, _: x["a"], 9.0, 0.1)])
     with pytest.raises(ValueError, match="standard deviation above 0"):
         uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x, _: x["a"], 1.0, 0.0)])
+    with pytest.raises(ValueError, match="finite value"):
+        uncertainty(lambda x: x["a"], inputs, evidence=[Evidence(lambda x, _: x["a"], np.nan, 0.1)])
 
 
 def test_widths_follow_the_noise_of_the_measurement():
@@ -235,3 +239,12 @@ def test_known_better_stays_within_what_can_be():
         a, b = found.known_better(name)
         assert 0.0 < a < b < 1.0
         assert b - a < high - low
+
+
+def test_causes_after_evidence_add_up_to_the_variance():
+    inputs = {"a": Normal(0.0, 1.0), "b": Normal(0.0, 1.0)}
+    seen = Evidence(lambda x, y: y, 0.3, 0.1)
+    found = uncertainty(lambda x: x["a"] + x["b"], inputs, evidence=[seen], n_samples=2**14)
+    # evidence on the sum leaves the parts free against each other: they explain little of it
+    assert found.linear_sd == pytest.approx(found.sd, rel=0.05)
+    assert found.shares["a"] == pytest.approx(0.5, abs=0.1)

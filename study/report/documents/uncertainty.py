@@ -13,8 +13,8 @@ class UncertaintyCause:
         name: of the number.
         share: of the variance, to first order [-].
         change: of FFR by one standard deviation of the number [-].
-        interval_if_known: 5th and 95th percentile of FFR if the number were known to 15 % of its
-            standard deviation [-].
+        interval_if_known: 5th and 95th percentile of FFR if the resting ratio were measured twice,
+            the flow reserve to 15 %, any other number known to 15 % of its standard deviation [-].
     """
 
     name: str
@@ -33,6 +33,7 @@ class UncertaintyLevel:
         correction: `shift`, `scale` or `linear` in all numbers.
         error: standard deviation that the correction leaves in FFR; the samples have it too [-].
         correlation: of both models' FFR, each run left out; None with less than three runs [-].
+        failed: further runs without FFR, since the lumen collapsed.
     """
 
     of: str
@@ -40,6 +41,7 @@ class UncertaintyLevel:
     correction: str
     error: float
     correlation: float | None
+    failed: int = 0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -11,31 +11,35 @@ REQUEST = build.MeshRequest("medium", None, 2, 1, "netgen")
 
 
 def _attempts(monkeypatch, found):
-    """Attempts that keep these shares of the septum, one after the other; None fails."""
+    """Attempts that keep these shares of the septum, with as many wedges; None fails."""
     tried = []
 
     def attempted(anatomy, attempt, request, stages):
         tried.append(attempt.deviation)
-        kept = found[len(tried) - 1]
-        if kept is None:
+        if found[len(tried) - 1] is None:
             raise MeshingError("no mesh")
-        ratio = None if kept == "none" else types.SimpleNamespace(p1=kept)
-        return (f"mesh {kept}", None, None, types.SimpleNamespace(septum_ratio=ratio)), []
+        kept, wedges = found[len(tried) - 1]
+        ratio = None if kept is None else types.SimpleNamespace(p1=kept)
+        mesh = types.SimpleNamespace(kept=kept, wedges=range(wedges))
+        return (mesh, None, None, types.SimpleNamespace(septum_ratio=ratio)), []
 
     monkeypatch.setattr(build, "_attempted", attempted)
-    made, notes = build._fitting(None, build.ATTEMPTS[0], REQUEST, None)
-    return made[0], notes, tried
+    stages = build._Stages(None)
+    made, notes, used = build._fitting(None, build.ATTEMPTS[0], REQUEST, stages)
+    assert (used is stages) == (made[0].kept == found[0][0])
+    return made[0].kept, notes, tried
 
 
 @pytest.mark.parametrize(
     ("found", "taken", "tried", "noted"),
     [
-        ([0.98], "mesh 0.98", [1.0], False),
-        (["none"], "mesh none", [1.0], False),
-        ([0.6, 0.99], "mesh 0.99", [1.0, 0.5], False),
-        ([0.4, 0.6], "mesh 0.6", [1.0, 0.5], True),
-        ([0.6, 0.4], "mesh 0.6", [1.0, 0.5], True),
-        ([0.6, None], "mesh 0.6", [1.0, 0.5], True),
+        ([(0.98, 9)], 0.98, [1.0], False),
+        ([(None, 9)], None, [1.0], False),
+        ([(0.6, 9), (0.99, 0)], 0.99, [1.0, 0.5], False),
+        ([(0.4, 9), (0.6, 9)], 0.6, [1.0, 0.5], True),
+        ([(0.6, 9), (0.7, 0)], 0.6, [1.0, 0.5], True),
+        ([(0.6, 9), (0.4, 9)], 0.6, [1.0, 0.5], True),
+        ([(0.6, 9), None], 0.6, [1.0, 0.5], True),
     ],
 )
 def test_the_better_of_two_fits_is_taken(found, taken, tried, noted, monkeypatch):

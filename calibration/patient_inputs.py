@@ -63,10 +63,10 @@ def patient_inputs(
         BED_FACTOR: evidence.bed_factor,
         STRESS_LOSS: evidence.stress_loss,
         "R0": LogNormal(artery.R0, errors.loss),
-        "P_venous": Uniform(*errors.P_venous),
     }
-    if np.all(np.asarray(artery.coronary.im_factor) > 0.0):  # a bed that is not squeezed is not
+    if np.all(np.asarray(artery.coronary.im_factor) > 0.0):  # else nothing squeezes the bed
         inputs["im_factor"] = LogNormal(artery.coronary.im_factor, errors.im_factor)
+    inputs["P_venous"] = Uniform(*errors.P_venous)
     if artery.K is not None:
         inputs["K"] = LogNormal(artery.K, errors.loss)
     for prefix in ("", REST_PREFIX):

@@ -16,7 +16,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import blackjax
+import blackjax  # pyright: ignore[reportMissingImports]
 import equinox as eqx
 import jax
 import jax.numpy as jnp

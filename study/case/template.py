@@ -91,8 +91,9 @@ def _conditions(section: FileTable, shown: Iterable[str], stress: Mapping[str, A
     """The condition at rest with every key, and one under stress with those that it needs."""
     own = tuple(key for key in section.keys if key.name in stress)
     lines = [_line(key, stress, commented=key.name == "kind", told=False) for key in own]
-    only = [_line(key, {}, commented=True) for key in section.keys if key.name in _STRESS_ONLY]
-    both = tuple(key for key in section.keys if key.name not in _STRESS_ONLY)
+    alone = {name for name in _STRESS_ONLY if name not in stress}
+    only = [_line(key, {}, commented=True) for key in section.keys if key.name in alone]
+    both = tuple(key for key in section.keys if key.name not in alone)
     return [
         _table(section._replace(keys=both), "condition.rest", shown),
         "\n".join(["[condition.dobutamine]", *lines, *only]),

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lumped import MMHG
 from lumped.units import ML_PER_MIN
-from study.report.figures import NAMES
+from study.report.parameter_names import NAMES
 from study.report.sensitivity_figures import sensitivity_figure
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, svg
 from study.run.limits import FFR_THRESHOLD

@@ -12,6 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from lumped.units import ML_PER_MIN, MMHG
 from study.case.laws import LINEAR, QUADRATIC
+from study.report.parameter_names import NAMES
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, legend_below, svg
 from study.run.limits import CATHETER_MM, FFR_THRESHOLD
 from study.store.result_names import CALIBRATED, FIXED
@@ -261,35 +262,6 @@ def alpha(document: Document) -> str:
         axes.set_ylabel("resting ratio")
         axes.legend(loc="lower right")
         return svg(figure, "alpha")
-
-
-NAMES = {
-    "rest_ratio": "measured resting ratio",
-    "R0": "artery, R0",
-    "K": "artery, quadratic loss K",
-    "alpha": "alpha",
-    "stress_R_1": "stress factor of R_1",
-    "stress_R_2": "stress factor of R_2",
-    "stress_R_3": "stress factor of R_3",
-    "stress_C_a": "stress factor of C_a",
-    "stress_C_im": "stress factor of C_im",
-    "R_1": "outlet R_1 (proximal)",
-    "R_2": "outlet R_2 (microvascular)",
-    "R_3": "outlet R_3 (venous)",
-    "P_systolic": "systolic pressure under stress",
-    "P_diastolic": "diastolic pressure under stress",
-    "period": "cycle length under stress",
-    "periodic states": "0D by means alone",
-    "runs in 3D": "0D for 3D",
-    "rest_P_systolic": "systolic pressure at rest",
-    "rest_P_diastolic": "diastolic pressure at rest",
-    "rest_period": "cycle length at rest",
-    "P_venous": "venous pressure",
-    "im_factor": "intramyocardial factor",
-    "bed_factor": "dilation of the bed under stress",
-    "stress_loss": "narrowing of the artery under stress",
-}
-"""What a parameter is called in the report."""
 
 
 def sensitivities(document: Document, *, count: int = 9, least: float = 1e-5) -> str:

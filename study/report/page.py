@@ -7,10 +7,11 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from study.report.figures import NAMES, figures
+from study.report.figures import figures
 from study.report.headline import chance_at_or_below, percent
 from study.report.mesh_figures import mesh_figures
 from study.report.number_formats import signed, significant, span, with_sd
+from study.report.parameter_names import NAMES
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure

@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from study.report.figures import NAMES
+from study.report.parameter_names import NAMES
 from study.report.style import COLOURS, INK, STYLE, svg
 
 Document = Mapping[str, Any]

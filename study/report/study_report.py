@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from study.report.algorithm_figures import study_figures
-from study.report.figures import NAMES
 from study.report.page import rendered, safe
+from study.report.parameter_names import NAMES
 from study.report.pictures import stored_films, stored_study_pictures
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure

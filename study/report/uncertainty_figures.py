@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from study.report.figures import NAMES
+from study.report.parameter_names import NAMES
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, svg
 from study.report.uncertainty_words import LEAST_SHARE
 from study.run.limits import FFR_THRESHOLD

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from study.report.figures import NAMES
 from study.report.headline import percent
+from study.report.parameter_names import NAMES
 from study.run.limits import FFR_THRESHOLD
 
 LEAST_SHARE = 0.01

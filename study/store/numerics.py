@@ -118,6 +118,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/diagnosis_*", "study/report/figures.py",
     "study/report/sweep_figure.py", "study/report/documents/*", "study/report/mesh_results.py",
     "study/report/number_formats.py", "study/report/older_parts.py", "study/report/page.py",
+    "study/report/parameter_names.py",
     "study/report/pictures.py", "study/report/plan_results.py",
     "study/report/simulation_rendering.py", "study/report/stored_page.py",
     "study/report/style.py", "study/report/summary.py", "study/report/sweep_results.py",

@@ -151,7 +151,8 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     assert None not in (full.wall.E_coronary, full.wall.E_septum)
     assert full.stress == plain.stress
     assert full.surrogate == dataclasses.replace(plain.surrogate, K=1e3)
-    rest = dataclasses.replace(full.conditions["rest"], flow_reserve=1.0, flow_reserve_sd=0.1)
+    only_stress = {"drug": "other", "flow_reserve": 1.0, "flow_reserve_sd": 0.1}
+    rest = dataclasses.replace(full.conditions["rest"], **only_stress)
     assert None not in dataclasses.astuple(rest)
     assert full.conditions["dobutamine"].flow_reserve is not None
     assert None not in (full.uncertainty.age, full.uncertainty.bed_factor)

@@ -175,6 +175,7 @@ def studied(measured: float | None, rest_ratio: float = 0.91) -> Any:
     ratios = {"all": 0.81, "printed": 0.857}
     return types.SimpleNamespace(
         case=case,
+        uncertainty=None,
         choice=types.SimpleNamespace(rules=("printed", "all")),
         collapsed={},
         loop=types.SimpleNamespace(ratio=rest_ratio, alpha=0.3, reached=rest_ratio == 0.91),

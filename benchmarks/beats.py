@@ -14,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -43,11 +43,7 @@ def run(rounds: int = 1, folder: pathlib.Path | None = None) -> dict[str, Any]:
         {"name", "rows", "notes", "passed"}, ready for JSON.
     """
     del rounds
-    if folder is None:
-        with tempfile.TemporaryDirectory() as place:
-            rows = _rows(pathlib.Path(place))
-    else:
-        rows = _rows(folder)
+    rows = kept_in(folder, _rows)
     return {
         "name": "beats",
         "rows": rows,
@@ -59,6 +55,16 @@ def run(rounds: int = 1, folder: pathlib.Path | None = None) -> dict[str, Any]:
         ],
         "passed": all("ratio" in row and (row["status"] == 0 or row["collapse"]) for row in rows),
     }
+
+
+def kept_in(
+    folder: pathlib.Path | None, make: Callable[[pathlib.Path], list[dict[str, Any]]]
+) -> list[dict[str, Any]]:
+    """Rows whose runs are kept in a folder, or in a temporary one if it is not given."""
+    if folder is not None:
+        return make(folder)
+    with tempfile.TemporaryDirectory() as place:
+        return make(pathlib.Path(place))
 
 
 def _rows(folder: pathlib.Path) -> list[dict[str, Any]]:

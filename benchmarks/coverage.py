@@ -37,7 +37,7 @@ LIMIT = 0.80
 REST_RATIO_ERROR = 0.014
 """Standard deviation of a resting ratio, as of one of two readings that differ by 0.02."""
 
-_IM_FACTOR = {"left": 1.0, "right": 0.5}
+IM_FACTOR = {"left": 1.0, "right": 0.5}
 
 
 class Prediction(NamedTuple):
@@ -115,7 +115,7 @@ def predicted(patient: Mapping[str, Any], *, n_samples: int = N_SAMPLES) -> Pred
 def patient_model(patient: Mapping[str, Any], rule: str = "all") -> StressRatio:
     """A patient as seen by the measurements, with a stress rule."""
     seen = patient["measured"]
-    bed = nominal_coronary(im_factor=_IM_FACTOR[patient["side"]])
+    bed = nominal_coronary(im_factor=IM_FACTOR[patient["side"]])
     artery = Surrogate(R0=seen["R0_dyn_s_per_cm5"], K=seen["K_dyn_s2_per_cm8"], coronary=bed)
     rest, stress = (condition_from_clinic(**seen[name]) for name in ("rest", "stress"))
     ratio = min(seen["rest_ratio"], 0.995)

@@ -11,14 +11,14 @@ drawn resting ratio asks for in 0D; what 3D then has at rest is the true resting
 import json
 import pathlib
 import sys
-import tempfile
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from benchmarks.beats import beat
+from benchmarks.beats import beat, kept_in
+from benchmarks.coverage import IM_FACTOR, REST_RATIO_ERROR
 from benchmarks.independent_patients import patients
 from benchmarks.virtual_cohort import artery_law, case_text
 from jaxfsi.anatomy import sample_anatomies
@@ -32,11 +32,9 @@ from study.store.result_files import SIMULATION_FILE
 SEED = 4117
 N_PATIENTS = 12
 WORKERS = 2
-REST_RATIO_ERROR = 0.014
 HIGHEST_RATIO = 0.995
 _AGES: dict[str, Age] = {"adult": "adult", "child": "paediatric"}
 _CARDIAC_OUTPUT = {"adult": 5.6, "child": 4.2}
-_IM_FACTOR = {"left": 1.0, "right": 0.5}
 _BED = ("R_1", "R_2", "R_3")
 
 
@@ -51,11 +49,7 @@ def run(rounds: int = 1, folder: pathlib.Path | None = None) -> dict[str, Any]:
         {"name", "rows", "notes", "passed"}, ready for JSON.
     """
     del rounds
-    if folder is None:
-        with tempfile.TemporaryDirectory() as place:
-            rows = _rows(pathlib.Path(place))
-    else:
-        rows = _rows(folder)
+    rows = kept_in(folder, _rows)
     whole = [row for row in rows if "covered" in row]
     covered = sum(row["covered"] for row in whole)
     width = float(np.mean([row["width"] for row in whole])) if whole else float("nan")
@@ -160,7 +154,7 @@ def _measured(
     for name, entry in (("rest", rest), (drug, stress)):
         lines.append(f"[condition.{name}]")
         lines += [f"{key} = {value:.6g}" for key, value in entry.items()]
-    lines += ["[coronary]", f"im_factor = {_IM_FACTOR[patient['side']]}"]
+    lines += ["[coronary]", f"im_factor = {IM_FACTOR[patient['side']]}"]
     lines += ["[uncertainty]", f"age_years = {true['age']:.3g}"]
     file = folder / patient["id"] / "measured.toml"
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")

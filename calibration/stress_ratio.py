@@ -102,6 +102,11 @@ class StressRatio(eqx.Module):
 
     def __call__(self) -> Float[Array, ""]:
         """FFR with α tuned [-]; NaN where α or the periodic state is not found."""
+        return self._solved[1]
+
+    @property
+    def _solved(self) -> tuple[Array, Array]:
+        """The tuned α, and FFR with it [-]."""
         fit = calibrate_alpha(
             self.surrogate, self.rest, self.rest_ratio, solver=self.solver, throw=False
         )
@@ -109,7 +114,7 @@ class StressRatio(eqx.Module):
         network = self._stressed.network(self.stress, rule=self.rule)
         network = with_alpha(network, jnp.where(tuned, fit.alpha, 1.0))
         ratio, found = _ratio(network, self.stress.period, self.solver)
-        return jnp.where(found & tuned, ratio, jnp.nan)
+        return fit.alpha, jnp.where(found & tuned, ratio, jnp.nan)
 
     def ffr(self, values: Mapping[str, Parameter]) -> Float[Array, ""]:
         """FFR with other numbers, see `with_values` [-]."""
@@ -121,10 +126,9 @@ class StressRatio(eqx.Module):
         artery, K = self.surrogate, self.surrogate.K
         if K is None:
             return FormFactors(jnp.ones(()), jnp.ones(()))
-        fit = calibrate_alpha(artery, self.rest, self.rest_ratio, solver=self.solver, throw=False)
+        alpha, ffr = self._solved
         P_rest, P_stress = self._mean_pressures
-        R = fit.alpha * artery.coronary.R_total
-        ffr, scale = self(), self.stress_loss
+        R, scale = alpha * artery.coronary.R_total, self.stress_loss
 
         def factor(ratio: Parameter, P: Array, R: Array, scale: Parameter) -> Array:
             Q = (ratio * P - artery.coronary.P_venous) / R

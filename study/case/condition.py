@@ -1,5 +1,6 @@
 """A haemodynamic condition of a case, and what it shares with one of a record."""
 
+import dataclasses
 from typing import Annotated, ClassVar, Literal
 
 from pydantic.dataclasses import dataclass
@@ -91,6 +92,12 @@ class Condition:
             example="rest_beat.csv",
         ),
     ] = None  # fmt: skip
+
+    def without_outcome(self) -> "Condition":
+        """The condition without its drug and what was measured of its flow: what drives a run."""
+        return dataclasses.replace(
+            self, ffr=None, ffr_sd=None, flow_reserve=None, flow_reserve_sd=None, drug=None
+        )
 
 
 CONDITION = keys_of(Condition)

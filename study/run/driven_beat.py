@@ -126,7 +126,7 @@ def drive_key(context: RunContext, drive: Drive) -> str:
     """Hash of all that a run follows from: the case, the mesh, and what drives it."""
     case = context.case
     solver = dataclasses.replace(case.solver, n_steps=None, cycles=None)
-    entry = dataclasses.replace(drive.entry, ffr=None, ffr_sd=None)
+    entry = drive.entry.without_outcome()
     parts = (case.blood, case.wall, case.coronary, case.surrogate, case.windkessel, case.stress)
     image = float(image_pressure(case, "rest"))
     given = (fingerprint(drive.bed), fingerprint(drive.P_inlet))

@@ -47,9 +47,7 @@ def run_key(context: RunContext, run: PlannedRun, before: PlannedRun | None = No
     solver = dataclasses.replace(case.solver, n_steps=None)
     blocks = (case.blood, case.wall, case.coronary, case.surrogate, case.windkessel, solver)
     factors = case.stress.factors if run.id.rule == "factors" else None
-    conditions = tuple(
-        None if c is None else dataclasses.replace(c, ffr=None, ffr_sd=None) for c in (rest, entry)
-    )
+    conditions = tuple(None if c is None else c.without_outcome() for c in (rest, entry))
     condition, rule = run.id.condition, run.id.rule
     own = (context.mesh_key, blocks, conditions, condition, rule, factors, run.alpha)
     earlier = None if before is None else run_key(context, before)

@@ -12,6 +12,7 @@ from jaxfsi.meshing.presets import PRESETS
 from jaxfsi.simulation import SolverChoice, StepControl
 from lumped import nominal_coronary
 from study import BloodParameters, CoronaryParameters, MeshOptions, SolverOptions, WallParameters
+from study.case.condition import Condition
 from study.case.json_schema import json_schema, schema_path, schema_text
 from study.case.laws import CARREAU_YASUDA
 from study.case.reference import reference
@@ -117,3 +118,11 @@ def test_keys_that_came_later_leave_kept_results_valid():
     }  # fmt: skip
     assert plain(SolverOptions())[1] == ["mapping"]
     assert ["damping", 5.0] in plain(WallParameters(damping=5.0))[1]
+
+
+def test_what_was_measured_of_the_flow_leaves_kept_runs_valid():
+    """No run in 3D depends on the measured ratio, reserve or the drug's name."""
+    driven = Condition("dobutamine", "stress", 1.3e5, 9e4, 0.5)
+    known = dataclasses.replace(driven, ffr=0.8, flow_reserve=2.2, drug="dobutamine")
+    assert plain(known.without_outcome()) == plain(driven)
+    assert plain(dataclasses.replace(known, period=0.6).without_outcome()) != plain(driven)

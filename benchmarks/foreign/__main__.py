@@ -1,0 +1,80 @@
+"""`python -m benchmarks.foreign make OUT --generator NAME --records N --seed S`."""
+
+import argparse
+import importlib
+import json
+import pathlib
+import sys
+from typing import Any
+
+import numpy as np
+
+from benchmarks.foreign import GENERATORS, ForeignRecord
+from lumped.whole_files import write_whole
+
+
+def make(out: pathlib.Path, generator: str, records: int, seed: int) -> None:
+    """Write records, their labels and their noise-free traces.
+
+    Args:
+        out: folder that gets `records/NNNN/`, `labels.json` and `truth/NNNN.npz`.
+        generator: a name of `GENERATORS`.
+        records: how many.
+        seed: of the set.
+
+    Raises:
+        FileExistsError: the folder holds labels of another set.
+    """
+    if (out / "labels.json").exists():
+        raise FileExistsError(
+            f"{out} holds labels of a set already. Name another folder or remove it."
+        )
+    module = importlib.import_module(f"benchmarks.foreign.{generator}")
+    labels: dict[str, dict] = {}
+    (out / "truth").mkdir(parents=True, exist_ok=True)
+    for number in range(records):
+        record: ForeignRecord = module.draw(seed, number)
+        name = f"{number:04d}"
+        record.write(out / "records" / name)
+        _save(out / "truth" / f"{name}.npz", record)
+        labels[name] = record.label
+        if sys.stderr.isatty():
+            print(f"\r{number + 1}/{records}", end="", file=sys.stderr, flush=True)
+    content = {"generator": generator, "seed": seed, "records": labels}
+    write_whole(out / "labels.json", json.dumps(content, indent=1) + "\n")
+
+
+def _save(path: pathlib.Path, record: ForeignRecord) -> None:
+    found: dict[str, Any] = {}
+    for name, traces in record.truth["traces"].items():
+        found[f"{name}/t"] = traces["t"].astype(np.float32)
+        for which in ("with", "without"):
+            for key, value in traces[which].items():
+                found[f"{name}/{which}/{key}"] = np.asarray(value, np.float32)
+    np.savez_compressed(path, **found)
+
+
+def main() -> int:
+    """Write a set as the command line asks for it.
+
+    Returns:
+        0; 2 where the request was refused.
+    """
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.foreign", description=__doc__)
+    actions = parser.add_subparsers(dest="action", required=True)
+    action = actions.add_parser("make", help="write records and their sealed labels")
+    action.add_argument("out", type=pathlib.Path)
+    action.add_argument("--generator", choices=GENERATORS, required=True)
+    action.add_argument("--records", type=int, default=150)
+    action.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    try:
+        make(options.out, options.generator, options.records, options.seed)
+    except (FileExistsError, ImportError) as error:
+        print(f"refused: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

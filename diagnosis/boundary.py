@@ -9,6 +9,8 @@ behind its anomalous outlet, P_inlet the pressure at the ostium; sensors act on 
 | microvasculature, pump, wall (of the bed) | the block behind the anomalous outlet |
 | inlet | the pressure at the ostium |
 | sensor | the computed pressures, afterwards |
+
+Collaterals of every form enter behind R_1, with the aortic pressure.
 """
 
 from typing import NamedTuple
@@ -58,7 +60,8 @@ def boundary_conditions(circuit: Circuit) -> BoundaryConditions:
         return sampled(times, np.asarray(P), float(circuit.period), kind="cubic")
 
     P_ostium = wave(np.asarray(circuit.P_inlet))
-    viscous = float(circuit.wall_time) > 0.0
+    viscous = max(float(circuit.wall_time), float(circuit.whole_wall_time))
+    share = ELASTIC_SHARE if float(circuit.wall_time) > 0.0 else 0.0
     bed = ExtendedCoronary(
         P_im=wave(np.asarray(circuit.P_LV)),
         P_source=P_ostium,
@@ -68,10 +71,10 @@ def boundary_conditions(circuit: Circuit) -> BoundaryConditions:
         C_a=circuit.C_a,
         C_im=circuit.C_im,
         P_venous=circuit.P_venous,
-        G_collateral=circuit.G_collateral,
+        G_collateral=circuit.G_collateral + circuit.G_epicardial + circuit.G_steady,
         G_bypass=bypass_conductance(circuit),
-        elastic_share=ELASTIC_SHARE if viscous else 1.0,
-        wall_time=circuit.wall_time if viscous else None,
+        elastic_share=share if viscous > 0.0 else 1.0,
+        wall_time=viscous if viscous > 0.0 else None,
     )
     return BoundaryConditions(bed, P_ostium)
 

@@ -6,34 +6,16 @@ range of sizes expected in patients; "assumed" marks a range that rests on no me
 """
 
 import jax.numpy as jnp
-import numpy as np
 
-from diagnosis.circuit import PHASE, Circuit
+from diagnosis.circuit import Circuit
 from diagnosis.effects import CRUDE_FORM, GUESSED_FORM, Effect
+from diagnosis.forms import FORMS, P_NARROWING, collateral, compliances, halved, notch, resistances
 from lumped.units import MMHG
 
-P_NARROWING = 80.0 * MMHG
-"""Aortic pressure at which dynamic narrowing neither adds nor removes [dyn/cm²]."""
+BED = ("R_1", "R_2", "R_3")
 
 NOTCH, NOTCH_WIDTH = 0.40, 0.03
 """Time and width of the notch of the aortic waveform [beats]."""
-
-_NOTCH = np.exp(-0.5 * ((PHASE - NOTCH) / NOTCH_WIDTH) ** 2)
-
-
-def _resistances(c: Circuit, log_factor) -> Circuit:
-    factor = jnp.exp(log_factor)
-    return c._replace(R_1=c.R_1 * factor, R_2=c.R_2 * factor, R_3=c.R_3 * factor)
-
-
-def _compliances(c: Circuit, log_factor) -> Circuit:
-    factor = jnp.exp(log_factor)
-    return c._replace(C_a=c.C_a * factor, C_im=c.C_im * factor)
-
-
-def _outer_dilation(c: Circuit, size) -> Circuit:
-    factor = jnp.exp2(-c.stress * size)
-    return c._replace(R_1=c.R_1 * factor, R_3=c.R_3 * factor)
 
 
 def _ostium(c: Circuit, log_factor) -> Circuit:
@@ -46,11 +28,7 @@ def _narrowing(c: Circuit, size) -> Circuit:
     return c._replace(R0_wave=c.R0_wave * wave)
 
 
-def _collateral(c: Circuit, size) -> Circuit:
-    return c._replace(G_collateral=c.G_collateral + size / (c.R_1 + c.R_2 + c.R_3))
-
-
-CATALOGUE: tuple[Effect, ...] = (
+_FIRST_FORMS = (
     Effect(
         id="quadratic_loss", place="ostium", unit="mmHg s2/ml2", sd=6.0, one_sided=True,
         tolerance=GUESSED_FORM, nonlinear=True, ridge=True,
@@ -97,7 +75,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="vasodilation", place="microvasculature", unit="-", sd=0.5,
-        change=lambda c, size: _resistances(c, -c.stress * size),
+        change=resistances(*BED, under="stress"),
         equation="R_1, R_2, R_3 exp(−s φ)",
         sentence="the bed dilates more (or less) under stress than the rule says",
         settled_by="flow under stress and at rest",
@@ -106,7 +84,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="adenosine_vasodilation", place="microvasculature", unit="-", sd=0.5,
-        change=lambda c, size: _resistances(c, -c.adenosine * size),
+        change=resistances(*BED, under="adenosine"),
         equation="R_1, R_2, R_3 exp(−a φ)",
         sentence="adenosine dilates the bed more (or less) than the rule says",
         settled_by="a second dose of adenosine, or flow under it",
@@ -115,7 +93,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="r1_r3_dilation", place="microvasculature", unit="-", sd=0.7, one_sided=True,
-        change=_outer_dilation,
+        change=halved("R_1", "R_3"),
         equation="R_1, R_3 2^(−s φ)",
         sentence="arterial and venous resistances dilate under stress as well",
         settled_by="flow waveforms under stress",
@@ -133,7 +111,7 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
     Effect(
         id="stress_compliance", place="microvasculature", unit="-", sd=0.6,
-        change=lambda c, size: _compliances(c, c.stress * size),
+        change=compliances("C_a", "C_im"),
         equation="C_a, C_im exp(s φ)",
         sentence="compliances change under stress otherwise than the rule says",
         settled_by="flow waveforms under stress",
@@ -153,7 +131,7 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         id="collateral_flow", place="microvasculature", unit="-", sd=0.2, one_sided=True,
         two_starts=True,
-        tolerance=GUESSED_FORM, change=_collateral,
+        tolerance=GUESSED_FORM, change=collateral("G_collateral"),
         equation="G = φ/(R_1 + R_2 + R_3) from aorta to bed",
         sentence="other vessels feed the same muscle",
         settled_by="an occlusion pressure",
@@ -233,6 +211,16 @@ CATALOGUE: tuple[Effect, ...] = (
         " range 0.005 to 0.03",
     ),
     Effect(
+        id="distal_damping", place="sensor", unit="s", sd=0.015, one_sided=True,
+        tolerance=CRUDE_FORM,
+        change=lambda c, size: c._replace(distal_lag=c.distal_lag + size),
+        equation="τ dP_seen/dt + P_seen = P_distal, τ = φ",
+        sentence="the distal trace is smoothed",
+        settled_by="a flush test, or both sensors in one place",
+        source="a filter of the console, or a fluid-filled distal catheter; range 0.005 to 0.03, "
+        "assumed",
+    ),
+    Effect(
         id="signal_delay", place="sensor", unit="s", sd=0.02,
         change=lambda c, size: c._replace(distal_delay=c.distal_delay + size),
         equation="P_distal(t − φ)",
@@ -243,11 +231,15 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         id="aortic_waveform", place="inlet", unit="mmHg", sd=5.0,
         tolerance=CRUDE_FORM,
-        change=lambda c, size: c._replace(P_inlet=c.P_inlet + size * MMHG * _NOTCH),
+        change=notch(NOTCH, NOTCH_WIDTH),
         equation="P_aorta + φ exp(−(t/T − 0.40)²/(2·0.03²))",
         sentence="the aortic pressure has a notch that the assumed waveform lacks",
         settled_by="nothing more: the aortic trace shows it",
         source="the waveform of Puelz et al. 2024 has no dicrotic notch; range ±2 to ±9, assumed",
     ),
 )  # fmt: skip
-"""The effects that are tried by default."""
+
+CATALOGUE: tuple[Effect, ...] = tuple(
+    effect._replace(forms=FORMS.get(effect.id, ())) for effect in _FIRST_FORMS
+)
+"""The effects that are tried by default, each with its further forms."""

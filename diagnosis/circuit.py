@@ -3,22 +3,25 @@
     P_inlet ─ P_ostium ─ [R0, L, K, R0_wave] ─┬─ R_1 ─┬─ P_micro ─ R_2 ─┬─ R_3 ─ P_venous
                                              C0      C_a (τ_wall)     C_im
                                              ⏚        ⏚              P_LV
-    G_collateral connects the inlet to the node behind R_1; the conductance bypass/(R_2 + R_3)
-    connects that node to P_venous.
+    G_collateral connects the inlet to the node behind R_1 and G_epicardial to the one before it;
+    G_steady connects the inlet's mean pressure to the node behind R_1; the conductance
+    bypass/(R_2 + R_3) connects that node to P_venous.
 
 With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
 
     P_3 = ((P_2 − P_micro)/R_2 + iωC_im P_LV + P_venous/R_3)/(1/R_2 + iωC_im + 1/R_3)
-    0   = (P_1 − P_2)/R_1 + G (P_inlet − P_2) − Y_a P_2 − (P_2 − P_micro − P_3)/R_2 + Q_wall
-          − bypass/(R_2 + R_3) (P_2 − P_venous)
-    Q   = iωC0 P_1 + (P_1 − P_2)/R_1,            Y_a = iωC_a (e + (1 − e)/(1 + iωτ_wall))
+    0   = (P_1 − P_2)/R_1 + G (P_inlet − P_2) + G_s (mean P_inlet − P_2) − Y_a P_2
+          − (P_2 − P_micro − P_3)/R_2 + Q_wall − bypass/(R_2 + R_3) (P_2 − P_venous)
+    Q   = iωC0 P_1 + (P_1 − P_2)/R_1 − G_e (P_inlet − P_1)
+    Y_a = iωC_a (e + (1 − e)/(1 + iωτ_wall))/(1 + iωτ_whole)
     P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + (K + K_known R0_wave) Q|Q|
+                               + K_turbulent Q|Q|^0.75
 
-Without the last two terms the system is linear and is solved harmonic by harmonic. With them,
+Without the last three terms the system is linear and is solved harmonic by harmonic. With them,
 Newton's method gives the first `LOW` harmonics of Q, and the linear system with the mean of the
 nonlinear resistance gives the others. Derivatives are exact for the computed solution: one more
-Newton step, differentiated by the implicit-function theorem. Sensors act on harmonics: first-order
-lag 1/(1 + iωτ), delay exp(−iωt).
+Newton step, differentiated by the implicit-function theorem. Sensors act on harmonics: lag
+1/(1 + iωτ − ω²m) of first order, or of second with an inertia m = 1/ω₀²; delay exp(−iωt).
 
 Twins: with no effect the circuit is `lumped.Surrogate` solved by `lumped.Fourier`, and its bed with
 effects is `lumped.extended_coronary.ExtendedCoronary` in the frequency domain, in closed form and
@@ -48,6 +51,9 @@ PHASE = np.arange(SAMPLES) / SAMPLES
 
 LOW = 24
 """Harmonics of the flow that a nonlinear ostium couples."""
+
+TURBULENT_POWER = 1.75
+"""Power of the flow with which turbulent friction grows (Blasius 1913)."""
 
 NEWTON_STEPS = 5
 """Newton steps from the linear solution; the last changes the flow by round-off."""
@@ -79,18 +85,24 @@ class Circuit(NamedTuple):
         R0, L, K: linear resistance, inertance, quadratic loss of the ostium
             [dyn·s/cm⁵, dyn·s²/cm⁵, dyn·s²/cm⁸].
         K_known: quadratic loss that is known with R0 and scales with it [dyn·s²/cm⁸].
+        K_turbulent: loss that grows with the power 1.75 of the flow [dyn·s^1.75/cm^7.25].
         R0_wave: factor on R0 and K_known over the beat, ones without an effect.
         C0, C_a, C_im: compliances [cm⁵/dyn].
         R_1, R_2, R_3: resistances of the bed [dyn·s/cm⁵].
         wall_time: relaxation time of the delayed part of C_a [s].
+        whole_wall_time: relaxation time of all of C_a [s].
         P_venous: pressure behind R_3 [dyn/cm²].
         G_collateral: conductance from the aorta to the node behind R_1 [cm⁵/(dyn·s)].
+        G_epicardial: the same to the node before R_1.
+        G_steady: conductance from the aorta's mean pressure to the node behind R_1.
         bypass: conductance from that node to P_venous outside the muscle, relative to
             1/(R_2 + R_3) [-]; negative values reduce the flow through R_2 and R_3.
         autoregulation: gain of ln R_2 by the mean pressure behind R_1 [-].
         aortic_offset, distal_offset: offsets of the sensors [dyn/cm²].
         distal_gain: gain of the distal sensor [-].
-        aortic_lag, distal_delay: lag and delay of the sensors [s].
+        aortic_lag, distal_lag: lag of the sensors [s].
+        aortic_inertia, distal_inertia: square of the inverse natural frequency [s²].
+        aortic_delay, distal_delay: delay of the sensors [s].
         forced: harmonics of the waveform added at each place of `FORCED`; zero except in
             `forcing`.
     """
@@ -106,6 +118,7 @@ class Circuit(NamedTuple):
     L: Number
     K: Number
     K_known: Number
+    K_turbulent: Number
     R0_wave: Wave
     C0: Number
     C_a: Number
@@ -114,14 +127,21 @@ class Circuit(NamedTuple):
     R_2: Number
     R_3: Number
     wall_time: Number
+    whole_wall_time: Number
     P_venous: Number
     G_collateral: Number
+    G_epicardial: Number
+    G_steady: Number
     bypass: Number
     autoregulation: Number
     aortic_offset: Number
     distal_offset: Number
     distal_gain: Number
     aortic_lag: Number
+    distal_lag: Number
+    aortic_inertia: Number
+    distal_inertia: Number
+    aortic_delay: Number
     distal_delay: Number
     forced: Complex[Array, "p f"]
 
@@ -204,6 +224,7 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> SensorSpectra:
     g_1, g_3 = _complex(1.0 / circuit.R_1), _complex(1.0 / circuit.R_3)
     g_2 = _complex(1.0 / (circuit.R_2 * autoregulated(circuit)))
     g_across, R0 = _complex(circuit.G_collateral), _complex(circuit.R0)
+    g_steady, g_epicardial = _complex(circuit.G_steady), _complex(circuit.G_epicardial)
     g_bypass = _complex(bypass_conductance(circuit))
     inlet, ventricle, wall = inlet + root, ventricle + pump, wall * g_1
     first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
@@ -211,13 +232,15 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> SensorSpectra:
 
     y_im = iw * _complex(circuit.C_im)
     yielding = (1.0 - ELASTIC_SHARE) * _inverse(1.0 + iw * _complex(circuit.wall_time))
-    y_a = iw * _complex(circuit.C_a) * (ELASTIC_SHARE + yielding)
+    whole = _inverse(1.0 + iw * _complex(circuit.whole_wall_time))
+    y_a = iw * _complex(circuit.C_a) * (ELASTIC_SHARE + yielding) * whole
     z_3 = _inverse(g_2 + y_im + g_3)
     source_3 = (y_im * ventricle + g_3 * venous - g_2 * micro) * z_3
-    z_2 = _inverse(g_1 + g_across + g_bypass + y_a + g_2 * (1.0 - g_2 * z_3))
-    source_2 = (g_across * inlet + g_bypass * venous + wall + g_2 * (micro + source_3)) * z_2
-    Z = _inverse(iw * _complex(circuit.C0) + g_1 * (1.0 - g_1 * z_2))
-    source_1 = g_1 * source_2 * Z
+    z_2 = _inverse(g_1 + g_across + g_steady + g_bypass + y_a + g_2 * (1.0 - g_2 * z_3))
+    fed = (g_across + _complex(circuit.G_steady * first)) * inlet
+    source_2 = (fed + g_bypass * venous + wall + g_2 * (micro + source_3)) * z_2
+    Z = _inverse(iw * _complex(circuit.C0) + g_epicardial + g_1 * (1.0 - g_1 * z_2))
+    source_1 = (g_1 * source_2 + g_epicardial * inlet) * Z
 
     drive = inlet + ostium - source_1
     series = Z + R0 + iw * _complex(circuit.L)
@@ -232,19 +255,22 @@ def sensed(circuit: Circuit, true: SensorSpectra) -> SensorSpectra:
     """Signals of the sensors of a circuit for given true pressures.
 
     Args:
-        circuit: gives offsets, gain, lag and delay.
+        circuit: gives offsets, gain, lags and delays.
         true: pressures at the sensors, from this circuit or another model.
     """
     omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
     first = jnp.asarray(np.eye(1, HARMONICS + 1)[0])
-    turn = circuit.distal_delay * omega
-    lag = jax.lax.complex(jnp.zeros_like(omega), omega) * _complex(circuit.aortic_lag)
-    lagged = true.P_aorta * _inverse(1.0 + lag)
-    delayed = _complex(circuit.distal_gain) * true.P_distal
-    delayed = delayed * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
+
+    def late(P: Spectrum, lag: Number, inertia: Number, delay: Number) -> Spectrum:
+        lagged = P * _inverse(jax.lax.complex(1.0 - omega**2 * inertia, omega * lag))
+        return lagged * jax.lax.complex(jnp.cos(delay * omega), -jnp.sin(delay * omega))
+
+    aortic = late(true.P_aorta, circuit.aortic_lag, circuit.aortic_inertia, circuit.aortic_delay)
+    distal = _complex(circuit.distal_gain) * true.P_distal
+    distal = late(distal, circuit.distal_lag, circuit.distal_inertia, circuit.distal_delay)
     return SensorSpectra(
-        lagged + _complex(circuit.aortic_offset * first),
-        delayed + _complex(circuit.distal_offset * first),
+        aortic + _complex(circuit.aortic_offset * first),
+        distal + _complex(circuit.distal_offset * first),
         true.Q,
     )
 
@@ -261,14 +287,13 @@ def autoregulated(circuit: Circuit) -> Number:
     which changes it by a few mmHg.
     """
     inlet = jnp.mean(circuit.P_inlet)
-    R_in = circuit.R0 + circuit.R_1
-    above = inlet / R_in + circuit.G_collateral * inlet
+    R_in = circuit.R0 / (1.0 + circuit.R0 * circuit.G_epicardial) + circuit.R_1
+    G_in = 1.0 / R_in + circuit.G_collateral + circuit.G_steady
     g_bypass = bypass_conductance(circuit)
 
     def sweep(_: Any, log_factor: Number) -> Number:
         g_bed = 1.0 / (circuit.R_2 * jnp.exp(log_factor) + circuit.R_3) + g_bypass
-        mean = above + g_bed * circuit.P_venous
-        mean = mean / (1.0 / R_in + circuit.G_collateral + g_bed)
+        mean = (G_in * inlet + g_bed * circuit.P_venous) / (G_in + g_bed)
         return circuit.autoregulation * (mean - P_REGULATED) / P_REGULATED
 
     return jnp.exp(jax.lax.fori_loop(0, AUTOREGULATION_SWEEPS, sweep, jnp.zeros(())))
@@ -277,7 +302,7 @@ def autoregulated(circuit: Circuit) -> Number:
 def _nonlinear_flow(
     circuit: Circuit, drive: Spectrum, series: Spectrum, linear: Spectrum
 ) -> Spectrum:
-    """Harmonics of the flow through an ostium with K, K_known and R0_wave."""
+    """Harmonics of the flow through an ostium with K, K_known, K_turbulent and R0_wave."""
     low = slice(0, LOW + 1)
     extra = circuit.R0 * (circuit.R0_wave - 1.0)
     K = circuit.K + circuit.K_known * circuit.R0_wave
@@ -286,15 +311,18 @@ def _nonlinear_flow(
 
     def loss(q: Real) -> Wave:
         Q = synthesis @ q
-        return extra * Q + K * Q * jnp.abs(Q)
+        return (extra + K * jnp.abs(Q) + circuit.K_turbulent * _turbulent(Q)) * Q
+
+    def slope(Q: Wave) -> Wave:
+        turbulent = TURBULENT_POWER * circuit.K_turbulent * _turbulent(Q)
+        return extra + 2.0 * K * jnp.abs(Q) + turbulent
 
     def residual(q: Real) -> Real:
         lost = analysis @ loss(q)
         return coefficients(series[low] * as_harmonics(q)) + lost - coefficients(drive[low])
 
     def jacobian(q: Real) -> Float[Array, "m m"]:
-        d = extra + 2.0 * K * jnp.abs(synthesis @ q)
-        return _block(series[low]) + (analysis * d[None, :]) @ synthesis
+        return _block(series[low]) + (analysis * slope(synthesis @ q)[None, :]) @ synthesis
 
     constant = jax.lax.stop_gradient
 
@@ -306,10 +334,15 @@ def _nonlinear_flow(
     q = constant(q)
     # leaves the value unchanged and gives the derivative by the implicit-function theorem
     q = q - solve_definite(constant(jacobian(q)), jnp.eye(q.shape[0])) @ residual(q)
-    mean_resistance = jnp.mean(extra + 2.0 * K * jnp.abs(synthesis @ q))
+    mean_resistance = jnp.mean(slope(synthesis @ q))
     lost = harmonics(loss(q))
     high = (drive - lost) * _inverse(series + _complex(mean_resistance))
     return jnp.concatenate([as_harmonics(q), high[LOW + 1 :]])
+
+
+def _turbulent(Q: Wave) -> Wave:
+    """|Q|^0.75, rounded off at zero [(cm³/s)^0.75]."""
+    return (Q**2 + 1e-12) ** (0.5 * (TURBULENT_POWER - 1.0))
 
 
 def _block(z: Spectrum) -> Float[Array, "k k"]:

@@ -16,6 +16,10 @@ A new effect takes ten lines and no other change::
     )
     diagnose(records, effects=(*CATALOGUE, leak))
 
+A cause whose equation is not settled has further forms: other equations of the same effect, which
+share its prior evenly. Its evidence is the mean over its forms, so that a record which follows
+another form than the first still counts for the cause.
+
 The prior of the size φ vanishes at zero, where an effect explains nothing,
 
     p(φ) = φ²/s² N(φ; 0, s²),    s = sd/√3,
@@ -49,6 +53,20 @@ NEGATIVE_LIMIT = 0.1
 """How far below zero a one-sided size may go in a fit, in units of the prior's width."""
 
 
+class Form(NamedTuple):
+    """Another equation of an effect, with the same size, place and prior.
+
+    Attributes:
+        name: of the form.
+        equation: the equation that it adds or changes, in one line.
+        change: the circuit with this form at a size, see `Effect`.
+    """
+
+    name: str
+    equation: str
+    change: Callable[[Circuit, Float[Array, ""]], Circuit]
+
+
 class Effect(NamedTuple):
     """One candidate cause of a gap.
 
@@ -77,6 +95,8 @@ class Effect(NamedTuple):
             small size with much flow. The evidence without waveforms is then an integral over the
             size (`ridge`), at seven fits a record; one-sided effects only. Compare ln B with
             `benchmarks.blind.sample` to see whether it is needed.
+        forms: further forms, see above.
+        form: name of the form that `change` is; empty for the first.
     """
 
     id: str
@@ -93,6 +113,8 @@ class Effect(NamedTuple):
     nonlinear: bool = False
     two_starts: bool = False
     ridge: bool = False
+    forms: tuple[Form, ...] = ()
+    form: str = ""
 
 
 def apply_effects(
@@ -119,6 +141,18 @@ def bounded_size(scale: Array, one_sided: Array, x: Array) -> Array:
     below = NEGATIVE_LIMIT * jnp.expm1(jnp.minimum(x, 0.0) / NEGATIVE_LIMIT)
     bounded = jnp.where(x < 0.0, below, x)
     return scale * jnp.where(one_sided, bounded, x)
+
+
+def all_forms(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Every form of every effect as an effect of its own, under the same id."""
+    found: list[Effect] = []
+    for effect in effects:
+        found.append(effect._replace(forms=()))
+        found += [
+            effect._replace(change=f.change, equation=f.equation, form=f.name, forms=())
+            for f in effect.forms
+        ]
+    return tuple(found)
 
 
 def find_effect(effects: Sequence[Effect], id: str) -> Effect:

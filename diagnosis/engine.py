@@ -18,6 +18,7 @@ from diagnosis.forcing import forcing_evidence
 from diagnosis.hypothesis import FITTED, Catalogue, Fitted, fit_hypothesis
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
+from diagnosis.predictive import Predicted, predictive_density
 from diagnosis.scan import Scan, linearise, score_scan
 
 BLOCK = 16
@@ -53,6 +54,7 @@ def _block(job: Callable[..., Any]) -> Callable[..., Any]:
 
 
 _fit_block, _force_block = _block(fit_hypothesis), _block(forcing_evidence)
+_predict_block = _block(predictive_density)
 
 
 @partial(jax.jit, static_argnames=("effects",))
@@ -181,6 +183,22 @@ def run_forcings(
     force = partial(_force_block, numbers=numbers, effects=effects)
     counted = partial(progress, "looking for what is not in the catalogue")
     return _by_kind(force, batch, record, pairs, (x,), effects, counted)
+
+
+def run_predictions(
+    batch: Measured,
+    record: Sequence[int] | np.ndarray,
+    pairs: Sequence[tuple[int, int]] | np.ndarray,
+    x: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    *,
+    progress: ProgressCallback = no_progress,
+) -> Predicted:
+    """Ln predictive densities of hypothesis `pairs[j]` of record `record[j]`."""
+    predict = partial(_predict_block, numbers=numbers, effects=effects)
+    counted = partial(progress, "predicting conditions that were left out")
+    return _by_kind(predict, batch, record, pairs, (x,), effects, counted)
 
 
 def base_start(batch: Measured) -> np.ndarray:

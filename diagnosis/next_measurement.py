@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.effects import Effect
+from diagnosis.effects import SCALE, Effect, find_effect
 from diagnosis.hypothesis import numbers_of
 from diagnosis.measured import OFFSET_SD, Measured
 from diagnosis.prediction import n_unknowns
@@ -56,6 +56,9 @@ READINGS: dict[str, tuple[str, tuple[tuple[str, float], ...]]] = {
 }  # fmt: skip
 """Measurements of the size of effects, with their errors [unit of the size]; assumed."""
 
+VISIBLE = 3.0
+"""Detectability λ from which an effect shows in a record."""
+
 OPEN = 0.01
 """Probability, or ratio of two, below which a question counts as closed."""
 
@@ -87,6 +90,12 @@ def traces(found: Linearised) -> np.ndarray:
     JG = flat_J.T @ flat_G
     precision = np.eye(flat_J.shape[1]) + flat_J.T @ flat_J
     return flat_G.T @ flat_G - JG.T @ np.linalg.solve(precision, JG)
+
+
+def usual_visibility(diagnosis: Diagnosis, name: str) -> float:
+    """Detectability λ of an effect of typical size in a record, beyond the unknowns [-]."""
+    effect = find_effect(diagnosis.effects, name)
+    return diagnosis.visibility[name] * TYPICAL * SCALE * effect.sd
 
 
 def aliases(diagnosis: Diagnosis) -> list[tuple[str, str]]:

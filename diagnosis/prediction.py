@@ -155,6 +155,7 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
         L=zero if case.L is None else case.L,
         K=zero,
         K_known=zero if case.K is None else case.K * narrower,
+        K_turbulent=zero,
         R0_wave=jnp.ones(SAMPLES),
         C0=C0_NOMINAL * loose[2],
         C_a=bed("C_a", loose[0]),
@@ -163,14 +164,21 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
         R_2=bed("R_2", alpha),
         R_3=bed("R_3", alpha),
         wall_time=zero,
+        whole_wall_time=zero,
         P_venous=zero,
         G_collateral=zero,
+        G_epicardial=zero,
+        G_steady=zero,
         bypass=BYPASS_SD * own[6],
         autoregulation=zero,
         aortic_offset=zero,
         distal_offset=zero,
         distal_gain=jnp.ones(()),
         aortic_lag=zero,
+        distal_lag=zero,
+        aortic_inertia=zero,
+        distal_inertia=zero,
+        aortic_delay=zero,
         distal_delay=zero,
         forced=jnp.zeros((len(FORCED), HARMONICS + 1), complex),
     )
@@ -197,7 +205,7 @@ def predict(
     """
     circuit = apply_effects(base_circuit(case, own), effects, sizes)
     if forced is not None:
-        circuit = circuit._replace(forced=forced)
+        circuit = circuit._replace(forced=circuit.forced + forced)
     return solve(circuit, nonlinear=nonlinear or case.K is not None)
 
 

@@ -7,8 +7,9 @@ the beats minus their mean and minus the mean of each beat,
     sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
 
 The mean beat has sd/√b. The slow offset is the scatter of the beats' means, at least
-`OFFSET_SD`: a constant offset does not show in the scatter. For folded beats, `scatter` estimates
-the power of every harmonic, and the variations common to sensors and harmonics.
+`OFFSET_SD`: a constant offset does not show in the scatter. From several beats, `scatter` estimates
+the power of every harmonic, and the variations common to sensors and harmonics: a stated sd says
+how large the noise is, not how it spreads over the harmonics.
 """
 
 import dataclasses
@@ -273,16 +274,17 @@ def _waves(
 def _folded(
     record: Record, noise: Noise, waves: np.ndarray, wave_sd: np.ndarray, count: np.ndarray
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Powers and modes of conditions whose beats were folded; None where none were."""
+    """Powers and modes of conditions with several beats; None where there are none."""
     C, S = wave_sd.shape
-    if S == 0 or all(c.folding is None for c in record.conditions):
+    if S == 0 or not any(_repeated(c) for c in record.conditions):
         return None, None
     power = np.full((C, S, HARMONICS + 1), np.nan)
     modes = np.zeros((C, S, 2 * HARMONICS + 1, S * FORMS + 1))
     for c, condition in enumerate(record.conditions):
         present = [s for s in range(S) if np.isfinite(wave_sd[c, s])]
-        if condition.folding is None or not present:
+        if not _repeated(condition) or not present:
             continue
+        folding = condition.folding
         names = [SENSORS[s] for s in present]
         parametric = {
             SENSORS[s]: np.asarray(noise_power(wave_sd[c, s], count[c, s], noise.white_share))
@@ -292,8 +294,10 @@ def _folded(
             {name: condition.beats[name] for name in names},
             dict(zip(names, waves[c, present], strict=True)),
             parametric,
-            np.asarray(noise_power(FORM_SD, count[c, present[0]], WHITE_SHARE)),
-            condition.folding.start_sd,
+            None
+            if folding is None
+            else np.asarray(noise_power(FORM_SD, count[c, present[0]], WHITE_SHARE)),
+            0.0 if folding is None else folding.start_sd,
             estimate=noise.origin == "estimated",
         )
         power[c, present] = found.power
@@ -303,6 +307,12 @@ def _folded(
         [modes.reshape(C, -1, modes.shape[-1]), np.zeros((C, 4, modes.shape[-1]))], 1
     )
     return power, modes
+
+
+def _repeated(condition: RecordedCondition) -> bool:
+    """Whether there are beats enough to see their scatter, or folded ones."""
+    counts = [beats.shape[0] for beats in condition.beats.values()]
+    return condition.folding is not None or min(counts, default=0) >= FEWEST_BEATS
 
 
 def stacked(records: Sequence[Measured]) -> Measured:

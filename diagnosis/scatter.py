@@ -1,10 +1,10 @@
-"""Noise of the mean of folded beats, estimated from their scatter.
+"""Noise of the mean of several beats, estimated from their scatter.
 
 With r_k the coefficients of all sensors of beat k minus their mean, and b the number of beats,
 
     r_k = B a_k + noise,   a_k ~ N(0, Σ),   noise ~ N(0, D),     mean beat: D/b + B Σ Bᵀ/b,
 
-plus errors of the folding itself (`FORM_SHARE`, `FORM_SD`).
+plus errors of the folding itself (`FORM_SHARE`, `FORM_SD`) where the beats were folded.
 
 B holds the physiological variations of every sensor from beat to beat: level, pulse, and timing (a
 shift of the whole beat, and relative shifts of its parts by errors of the folding: derivative times
@@ -124,7 +124,7 @@ def scatter(
         prior: power of one beat without data, kept harmonics.
     """
     b, n = stacks[0].shape
-    K, S = (n - 1) // 2, len(stacks)
+    K, S = min((n - 1) // 2, HARMONICS), len(stacks)
     coefficients = [_coefficients(stack - stack.mean(axis=0), K) for stack in stacks]
     r = np.concatenate(coefficients, axis=1)
     freedom = b - 1
@@ -162,24 +162,24 @@ def folded_noise(
     beats: Mapping[str, np.ndarray],
     waves: Mapping[str, np.ndarray],
     parametric: Mapping[str, np.ndarray],
-    form: np.ndarray,
+    form: np.ndarray | None,
     start_sd: float,
     *,
     estimate: bool,
 ) -> FoldedNoise:
-    """Noise of the mean of folded beats, from their scatter and the stated or assumed noise.
+    """Noise of the mean of several beats, from their scatter and the stated or assumed noise.
 
     Args:
         beats: beats × samples of each sensor.
         waves: the mean beats on `SAMPLES` samples.
         parametric: power of the mean's harmonics as stated or assumed, of each sensor.
-        form: power of the error of folding in a pressure.
+        form: power of the error of folding in a pressure; None where whole beats were cut.
         start_sd: of the start of ejection [beats].
         estimate: whether the noise of pressures comes from the scatter alone, given enough beats.
     """
     names = list(beats)
     b, n = beats[names[0]].shape
-    K, S = (n - 1) // 2, len(names)
+    K, S = min((n - 1) // 2, HARMONICS), len(names)
     rows = kept(K)
     own = [forms(waves[name]) for name in names]
     scale = _scales(beats, own, rows)
@@ -200,12 +200,12 @@ def folded_noise(
             seen = stated
         elif not alone:
             seen = np.maximum(stated, seen)
-        power[s, : K + 1] = seen + (0.0 if name == "Q" else form[: K + 1])
+        power[s, : K + 1] = seen + (0.0 if name == "Q" or form is None else form[: K + 1])
     wide = np.zeros((S, own[0].shape[0], S, FORMS))
     for s in range(S):
         wide[s, :, s] = own[s]
     columns = wide.reshape(S, own[0].shape[0], -1) @ np.linalg.cholesky(
-        Sigma / b + FORM_SHARE * Sigma_0
+        Sigma / b + (0.0 if form is None else FORM_SHARE) * Sigma_0
     )
     late = np.stack([FROM_SAMPLES @ slope_of(waves[name]) for name in names]) * start_sd
     return FoldedNoise(power, np.concatenate([columns, late[..., None]], axis=-1))
@@ -217,7 +217,8 @@ def _scales(
     """Factor on each sensor that scales its noise to that of the pressures."""
     left = {}
     for (name, stack), B in zip(beats.items(), own, strict=True):
-        r = _coefficients(stack - stack.mean(axis=0), (stack.shape[1] - 1) // 2).T
+        K = min((stack.shape[1] - 1) // 2, HARMONICS)
+        r = _coefficients(stack - stack.mean(axis=0), K).T
         Q = np.linalg.qr(B[rows])[0]
         left[name] = float(np.sqrt(np.mean((r - Q @ (Q.T @ r)) ** 2)))
     alike = np.mean([value for name, value in left.items() if name != "Q"])

@@ -8,12 +8,14 @@ effect sums its probabilities alone, in pairs, and together with an unknown effe
 | verdict | when |
 |---|---|
 | no_gap | P(none) ≥ 0.05: no gap can be demonstrated |
-| named | every effect of the best hypothesis has inclusion ≥ 0.8, and it closes the gap |
-| unknown | P(unknown) ≥ 0.5, or an effect would be named but does not close the gap |
+| named | effects have an inclusion ≥ 0.8, close the gap, and predict what was left out no worse |
+| unknown | P(unknown) ≥ 0.5, or effects would be named but do not close the gap or predict worse |
 | ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
 
 Closed: the remaining misfit has p > 0.001 or is below 10 % of the base model's excess.
 (The noise is never known exactly: 5 % of its variance is a quarter of what p = 0.001 allows.)
+Predicts worse: the ln predictive density of the held-out conditions falls by more than 1 against no
+gap; without such conditions, that of the fitted ones, each left out in turn, falls (`predictive`).
 """
 
 from collections.abc import Mapping
@@ -32,6 +34,9 @@ cause in six has a second (pair : single), of which two or three in ten are not 
 
 NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
 """Thresholds of the verdict, see above."""
+
+WORSE = -1.0
+"""Gain in ln predictive density of held-out conditions below which an effect is not named."""
 
 CLOSED_P, CLOSED_EXCESS = 0.001, 0.10
 """Closure: p-value of the misfit, or remaining share of the base excess."""
@@ -52,6 +57,7 @@ class Judgement(NamedTuple):
         cover: the smallest set of hypotheses with 90 % of the probability.
         best: the most probable hypothesis other than "unknown".
         closed: whether the best hypothesis closes the gap.
+        confirmed: whether it predicts conditions that were left out no worse than no gap does.
     """
 
     verdict: Verdict
@@ -61,6 +67,7 @@ class Judgement(NamedTuple):
     cover: tuple[str, ...]
     best: Hypothesis
     closed: bool
+    confirmed: bool = True
 
 
 def key_of(hypothesis: Hypothesis) -> str:
@@ -110,6 +117,16 @@ def is_closed(chi2: float, base_chi2: float, n_data: int, n_fitted: int) -> bool
     return base_excess > 0 and chi2 - freedom < CLOSED_EXCESS * base_excess
 
 
+def predicts_no_worse(held_out: float | None, left_out: float) -> bool:
+    """Whether a hypothesis predicts what was left out no worse than no gap, see above.
+
+    Args:
+        held_out: gain in ln predictive density of the held-out conditions; None without any.
+        left_out: the same, summed, of the fitted ones, each left out in turn.
+    """
+    return left_out > 0.0 if held_out is None else held_out > WORSE
+
+
 def judge(
     probabilities: Mapping[str, float],
     effects: tuple[str, ...],
@@ -152,3 +169,9 @@ def judge(
     else:
         verdict, named = "ambiguous", cover
     return Judgement(verdict, named, probabilities, inclusion, cover, best, closed)
+
+
+def unconfirmed(judgement: Judgement) -> Judgement:
+    """The verdict once its best hypothesis predicts worse what was left out: nothing is named."""
+    verdict = "unknown" if judgement.verdict == "named" else judgement.verdict
+    return judgement._replace(verdict=verdict, confirmed=False)

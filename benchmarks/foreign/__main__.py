@@ -1,4 +1,11 @@
-"""`python -m benchmarks.foreign make OUT --generator NAME --records N --seed S`."""
+"""Foreign sets of blind records: make one, answer it, score answers.
+
+    python -m benchmarks.foreign make OUT --generator NAME --records N --seed S
+    python -m benchmarks.foreign answer OUT            diagnoses it: OUT/answers-diagnosis.json
+    python -m benchmarks.foreign score OUT ... --method NAME
+
+Another method enters by writing OUT/answers-NAME.json, see `benchmarks.foreign.answers`.
+"""
 
 import argparse
 import importlib
@@ -10,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.foreign import GENERATORS, ForeignRecord
+from benchmarks.foreign.answers import answer
+from benchmarks.foreign.score import joined, misses, table
 from lumped.whole_files import write_whole
 
 
@@ -60,17 +69,35 @@ def main() -> int:
     Returns:
         0; 2 where the request was refused.
     """
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.foreign", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.foreign",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     actions = parser.add_subparsers(dest="action", required=True)
     action = actions.add_parser("make", help="write records and their sealed labels")
     action.add_argument("out", type=pathlib.Path)
     action.add_argument("--generator", choices=GENERATORS, required=True)
     action.add_argument("--records", type=int, default=150)
     action.add_argument("--seed", type=int, default=1)
+    action = actions.add_parser("answer", help="diagnose a set")
+    action.add_argument("out", type=pathlib.Path)
+    action.add_argument("--records", type=int)
+    action = actions.add_parser("score", help="score answers against the labels")
+    action.add_argument("out", type=pathlib.Path, nargs="+")
+    action.add_argument("--method", default="diagnosis")
+    action.add_argument("--misses", action="store_true", help="list every wrong answer")
     options = parser.parse_args()
     try:
-        make(options.out, options.generator, options.records, options.seed)
-    except (FileExistsError, ImportError) as error:
+        if options.action == "make":
+            make(options.out, options.generator, options.records, options.seed)
+        elif options.action == "answer":
+            answer(options.out, options.records)
+        else:
+            print(table(options.out, options.method))
+            for folder in options.out if options.misses else ():
+                print(*misses(joined(folder, options.method)), sep="\n")
+    except (OSError, ImportError, ValueError) as error:
         print(f"refused: {error}", file=sys.stderr)
         return 2
     return 0

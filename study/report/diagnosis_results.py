@@ -29,10 +29,12 @@ from study.report.documents.diagnose import (
     Gap,
     HeldOutGap,
     NoiseLevel,
+    PredictedGain,
     RecordWaveforms,
     TraceModels,
 )
 from study.report.documents.parts import NextMeasurement
+from study.store.json_form import ABSENT, Absent
 from study.store.layouts import FORMAT
 from study.store.provenance import Provenance
 
@@ -75,6 +77,7 @@ def diagnosis_document(
         unknown_beside={key_of(h): round(p, 6) for h, p in diagnosis.beside.items()},
         smallest_global_p=1.0 / (DRAWS + 1),
         gap=Gap(BeforeAfter(*fitted_gap(diagnosis)), list(_held_out(diagnosis, names))),
+        predicted=_predicted(diagnosis, names),
         aliases=[list(pair) for pair in aliases(diagnosis)],
         next_measurements=measurements(next_measurements(diagnosis)),
         noise=NoiseLevel(
@@ -107,6 +110,22 @@ def _held_out(diagnosis: Diagnosis, names: list[str]) -> Iterator[HeldOutGap]:
         )
 
 
+def _predicted(diagnosis: Diagnosis, names: list[str]) -> PredictedGain | Absent:
+    if diagnosis.predicted is None:
+        return ABSENT
+    hidden = np.asarray(diagnosis.record.held_out) > 0.5
+    gains = np.asarray(diagnosis.predicted.left_out)
+    return PredictedGain(
+        held_out=round(float(diagnosis.predicted.held_out), 3) if hidden.any() else None,
+        left_out={
+            name: round(float(gain), 3)
+            for name, gain, held in zip(names, gains, hidden, strict=True)
+            if not held
+        },
+        confirmed=diagnosis.judgement.confirmed,
+    )
+
+
 def _listed(probabilities: Mapping[str, float]) -> dict[str, float]:
     """Probabilities that matter; the rest of the pairs are folded into one entry."""
     kept = {k: v for k, v in probabilities.items() if "+" not in k or v >= SMALLEST_SHOWN}
@@ -122,8 +141,8 @@ def _shown_effects(diagnosis: Diagnosis) -> list[str]:
 
 
 def _effect(diagnosis: Diagnosis, name: str) -> EffectEntry:
-    effect = find_effect(diagnosis.effects, name)
     hypothesis = diagnosis.judgement.best if name in diagnosis.judgement.best else (name,)
+    effect = find_effect(diagnosis.acting[hypothesis], name)
     fitted = diagnosis.fits[hypothesis]
     place = [e.id for e in diagnosis.effects].index(name)
     size, sd = float(fitted.sizes[place]), float(fitted.size_sd[hypothesis.index(name)])
@@ -137,7 +156,11 @@ def _effect(diagnosis: Diagnosis, name: str) -> EffectEntry:
         sentence=f"{effect.sentence} ({size_of(effect, size, sd)})",
         settled_by=effect.settled_by,
         log_bayes_factor=diagnosis.log_B[(name,)],
-        score_scan=diagnosis.scan[name],
+        score_scan=float(diagnosis.scan[name]),
+        forms={form or "first": round(p, 4) for form, p in diagnosis.forms[name].items()}
+        if name in diagnosis.forms
+        else ABSENT,
+        visibility=round(usual_visibility(diagnosis, name), 3),
     )
 
 

@@ -2,8 +2,10 @@
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from diagnosis import Diagnosis, Effect, find_effect
-from diagnosis.next_measurement import next_measurements
+from diagnosis.next_measurement import VISIBLE, next_measurements, usual_visibility
 from diagnosis.shrink import held_out_gap
 from diagnosis.verdict import NO_GAP
 from diagnosis.where import forcing_shares
@@ -80,6 +82,11 @@ def _partly(diagnosis: Diagnosis, chance: float) -> str:
         parts = "; and ".join(find_effect(diagnosis.effects, name).sentence for name in beside)
         return f"The gap is explained in part: {parts}. What is left is not in the catalogue."
     near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
+    if diagnosis.judgement.closed and not diagnosis.judgement.confirmed:
+        return (
+            f"{_found(diagnosis, chance)}. {near.capitalize()} fits it, but predicts the conditions"
+            " that were left out worse than no gap does, so the cause is another one."
+        )
     return (
         f"{_found(diagnosis, chance)}, and no effect of the catalogue explains it. "
         f"The nearest is {near}, which leaves a part."
@@ -101,9 +108,12 @@ def to_do(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
                 "Few effects show in pressure ratios or means. To look further, record both "
                 "pressures over the beat, and the mean flow."
             )
+        else:
+            steps += _hidden(diagnosis)
         return [*steps, *doubts(diagnosis.judgement.probabilities)]
     if verdict == "named":
-        return [*_additions(diagnosis), *_held_out(diagnosis, conditions)]
+        checks = [*_predicted(diagnosis), *_held_out(diagnosis, conditions)]
+        return [*_additions(diagnosis), *checks]
     if verdict == "ambiguous":
         measurements = [
             f"Measure: {n.sensor}. It tells {_plain(n.separates[0])} from {_plain(n.separates[1])}."
@@ -143,6 +153,28 @@ def doubts(probabilities: Mapping[str, float]) -> list[str]:
 def size_of(effect: Effect, size: float, sd: float) -> str:
     """The size of an effect with its standard deviation and unit."""
     return with_sd(size, sd) + ("" if effect.unit == "-" else f" {effect.unit}")
+
+
+def _hidden(diagnosis: Diagnosis) -> list[str]:
+    """Effects that would not show in the record at their usual size, and what would show them."""
+    effects = [e for e in diagnosis.effects if usual_visibility(diagnosis, e.id) < VISIBLE]
+    if not effects:
+        return []
+    parts = "; ".join(f"{_plain(e.id)} (would need {e.settled_by})" for e in effects)
+    return [f"Not visible in this record at their usual size: {parts}."]
+
+
+def _predicted(diagnosis: Diagnosis) -> list[str]:
+    """How the named effect predicts what was left out."""
+    gain = diagnosis.predicted
+    if gain is None:
+        return []
+    if np.any(np.asarray(diagnosis.record.held_out) > 0.5):
+        what, value = "the held-out conditions", float(gain.held_out)
+    else:
+        what, value = "conditions left out in turn", float(np.sum(gain.left_out))
+    how = "better than" if value > 1.0 else "as well as"
+    return [f"It predicts {what} {how} no gap does (gain in ln density {value:.1f})."]
 
 
 def _additions(diagnosis: Diagnosis) -> list[str]:

@@ -20,9 +20,9 @@ import numpy as np
 from diagnosis import Diagnosis, Record, RecordedCondition, apply_effects, find_effect
 from diagnosis.boundary import boundary_conditions, sensor_traces
 from diagnosis.circuit import Circuit
-from diagnosis.hypothesis import Fitted
 from diagnosis.prediction import base_circuit, condition_settings, n_unknowns, selection
 from diagnosis.shrink import measured_ratio
+from diagnosis.verdict import Hypothesis
 from lumped import MMHG
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
@@ -91,8 +91,10 @@ def gap_in_3d(
     """
     context = _context(study, folder / FOLDER)
     named = diagnosis.judgement.named if diagnosis.judgement.verdict == "named" else ()
-    models = {BEFORE: diagnosis.base} | ({AFTER: diagnosis.best} if named else {})
-    circuits = {label: circuits_of(diagnosis, fitted) for label, fitted in models.items()}
+    models: dict[str, Hypothesis] = {BEFORE: ()} | (
+        {AFTER: diagnosis.judgement.best} if named else {}
+    )
+    circuits = {label: circuits_of(diagnosis, model) for label, model in models.items()}
     run = [c.name for c in record.conditions if not chosen or c.name in chosen]
     names = [f"3D: {name}, {label}" for name in run for label in models]
     progress.plan({**dict.fromkeys(names, 120.0), "writing the report": 8.0})
@@ -122,17 +124,19 @@ def gap_in_3d(
     )
 
 
-def circuits_of(diagnosis: Diagnosis, fitted: Fitted) -> list[Circuit]:
+def circuits_of(diagnosis: Diagnosis, hypothesis: Hypothesis) -> list[Circuit]:
     """The circuit of each condition at a fitted hypothesis, its effects at their sizes."""
-    record = diagnosis.record
+    record, fitted = diagnosis.record, diagnosis.fits[hypothesis]
     cases, x = condition_settings(record), np.asarray(fitted.x)[: n_unknowns(record)]
     own = selection(record.n_conditions, 0) @ x
-    sizes = jnp.asarray(np.asarray(fitted.sizes))
+    effects = diagnosis.acting[hypothesis]
+    names = [effect.id for effect in diagnosis.effects]
+    sizes = jnp.asarray([float(fitted.sizes[names.index(effect.id)]) for effect in effects])
     circuits = []
     for k in range(record.n_conditions):
         case = jax.tree.map(lambda leaf, k=k: leaf[k], cases)
         base = base_circuit(case, jnp.asarray(own[k]))
-        circuits.append(apply_effects(base, diagnosis.effects, sizes))
+        circuits.append(apply_effects(base, effects, sizes))
     return circuits
 
 

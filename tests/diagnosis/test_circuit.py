@@ -1,3 +1,5 @@
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -5,6 +7,7 @@ import pytest
 
 from diagnosis import CATALOGUE, Effect, find_effect, measured
 from diagnosis.circuit import PHASE
+from diagnosis.effects import all_forms
 from diagnosis.prediction import as_waves, base_circuit, condition_settings, observations, predict
 from lumped import (
     MMHG,
@@ -18,6 +21,7 @@ from lumped import (
 )
 from tests.diagnosis.records import settings
 
+FORMS = all_forms(CATALOGUE)
 ADENOSINE = 1
 OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.6, 0.7, 0.5, -0.4]))
 ONE_WAY = OWN.at[6].set(0.0)  # no flow past the muscle: the paper's bed
@@ -30,7 +34,11 @@ def case():
 
 @jax.jit
 def data(sizes):
-    return observations(predict(case(), OWN, CATALOGUE, sizes), 3)
+    return observations(predict(case(), OWN, FORMS, sizes), 3)
+
+
+def named(effect):
+    return f"{effect.id}, {effect.form}" if effect.form else effect.id
 
 
 def size_of(**sizes):
@@ -97,15 +105,15 @@ def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vesse
 
 def test_an_effect_of_size_zero_changes_nothing():
     plain = observations(predict(case(), OWN, (), jnp.zeros(0), nonlinear=False), 3)
-    zero = data(jnp.zeros(len(CATALOGUE)))
+    zero = data(jnp.zeros(len(FORMS)))
     # round-off of pressures near 100 mmHg through a linear solve
     np.testing.assert_allclose(zero, plain, rtol=0.0, atol=1e-10 * MMHG)
 
 
-@pytest.mark.parametrize("k", range(len(CATALOGUE)), ids=[e.id for e in CATALOGUE])
-def test_jacobian_of_every_effect_matches_central_differences(k):
-    effect = CATALOGUE[k]
-    at = jnp.zeros(len(CATALOGUE)).at[k].set(0.5 * effect.sd)
+@pytest.mark.parametrize("k", range(len(FORMS)), ids=[named(form) for form in FORMS])
+def test_jacobian_of_every_form_matches_central_differences(k):
+    effect = FORMS[k]
+    at = jnp.zeros(len(FORMS)).at[k].set(0.5 * effect.sd)
     h = 1e-4 * effect.sd
     exact = jacobian(at)[:, k]
     central = (data(at.at[k].add(h)) - data(at.at[k].add(-h))) / (2.0 * h)
@@ -115,7 +123,22 @@ def test_jacobian_of_every_effect_matches_central_differences(k):
     np.testing.assert_allclose(central, exact, atol=2e-6 * scale)
 
 
-@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda effect: effect.id)
+def test_forms_of_an_effect_share_its_id_and_differ_in_what_they_do():
+    for effect in CATALOGUE:
+        own = [form for form in FORMS if form.id == effect.id]
+        assert len({form.form for form in own}) == len(own) == 1 + len(effect.forms)
+        size = jnp.asarray([effect.sd])
+        cases = condition_settings(measured(settings()))
+
+        def shown(c, form, size=size):
+            return observations(predict(c, OWN, (form,), size), 3)
+
+        seen = [jax.vmap(partial(shown, form=form))(cases) for form in own]
+        for k, other in enumerate(seen[1:]):
+            assert float(jnp.max(jnp.abs(other - seen[k]))) > 0.01 * MMHG, own[k + 1].form
+
+
+@pytest.mark.parametrize("effect", FORMS, ids=named)
 def test_an_effect_that_needs_the_nonlinear_solution_says_so(effect):
     size = jnp.asarray([effect.sd])
     declared, full, linear = (

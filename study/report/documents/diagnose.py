@@ -23,6 +23,8 @@ class EffectEntry:
         settled_by: the measurement that would settle it.
         log_bayes_factor: ln of its evidence over that of the base model [-].
         score_scan: the same by the score scan, from one Jacobian [-].
+        forms: probabilities of its equations [-], where it has several; `first` is the first.
+        visibility: detectability λ of a usual size in this record [-]: below 3 it does not show.
     """
 
     id: str
@@ -35,6 +37,23 @@ class EffectEntry:
     settled_by: str
     log_bayes_factor: float
     score_scan: float
+    forms: dict[str, float] | Absent = ABSENT
+    visibility: float | Absent = ABSENT
+
+
+@dataclasses.dataclass(frozen=True)
+class PredictedGain:
+    """Gain of the most probable hypothesis over no gap in ln predictive density.
+
+    Attributes:
+        held_out: of the held-out conditions given the fitted ones; None where there are none.
+        left_out: of each fitted condition given the other fitted ones, by its name.
+        confirmed: whether it predicts what was left out no worse than no gap does.
+    """
+
+    held_out: float | None
+    left_out: dict[str, float]
+    confirmed: bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -174,6 +193,7 @@ class DiagnoseDocument:
         unknown_beside: probability of an unknown cause beside each hypothesis [-].
         smallest_global_p: least `global_p` that the number of draws can tell [-].
         gap: how far the gap shrinks.
+        predicted: how conditions that were left out are predicted; left out without waveforms.
         aliases: pairs of effects that the data do not tell apart.
         next_measurements: measurements that would tell the likeliest causes apart, best first.
         noise: of the record.
@@ -201,6 +221,7 @@ class DiagnoseDocument:
     unknown_beside: dict[str, float]
     smallest_global_p: float
     gap: Gap
+    predicted: PredictedGain | Absent = ABSENT
     aliases: list[list[str]]
     next_measurements: list[NextMeasurement]
     noise: NoiseLevel

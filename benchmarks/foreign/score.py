@@ -1,0 +1,151 @@
+"""Scores answers to a foreign set against its sealed labels; knows nothing of the method.
+
+Effects rank by the sum of the probabilities of all hypotheses that hold them. λ is that of the
+label: the visibility of the effect by its generator. An effect called "outside" by the generator
+that the catalogue holds under another name counts as that effect (`HELD`). A null whose aortic
+waveform is of another family has the effect `aortic_waveform`.
+"""
+
+import json
+import pathlib
+from typing import Any
+
+import numpy as np
+
+from benchmarks.blind.score import expected_calibration_error, wilson
+
+HELD = {"outside:distal_gain": "sensor_gain", "outside:damped_distal": "distal_damping"}
+"""Kinds outside the generators' list that the catalogue of effects holds."""
+
+VISIBLE = 3.0
+"""Visibility λ from which an effect can be asked for."""
+
+Row = dict[str, Any]
+
+
+def joined(folder: pathlib.Path, name: str) -> list[Row]:
+    """Answers of a method with their labels.
+
+    Args:
+        folder: a set.
+        name: of the method: `answers-NAME.json` lies in the folder.
+
+    Raises:
+        ValueError: an answer is for a record that the set does not have.
+    """
+    labels = json.loads((folder / "labels.json").read_text(encoding="utf-8"))["records"]
+    answers = json.loads((folder / f"answers-{name}.json").read_text(encoding="utf-8"))
+    unknown = sorted(set(answers) - set(labels))
+    if unknown:
+        raise ValueError(
+            f"answers-{name}.json holds {', '.join(unknown[:5])}, which the set does not have. "
+            "Name records as their folders."
+        )
+    rows = []
+    for record, answer in sorted(answers.items()):
+        label = labels[record]
+        truth, lam = HELD.get(label["truth"], label["truth"]), float(label["lambda"])
+        family = label.get("background", {}).get("family", "assumed")
+        if truth == "none" and family != "assumed":
+            truth, lam = "aortic_waveform", float(label["background"]["lambda"])
+        rows.append({"record": record, "truth": truth, "lambda": lam, "label": label, **answer})
+    return rows
+
+
+def inclusion(row: Row) -> dict[str, float]:
+    """Probability of every effect, alone or with others."""
+    found: dict[str, float] = {}
+    for name, p in [*row["probabilities"].items(), *row.get("beside", {}).items()]:
+        for part in name.split("+"):
+            if part not in ("none", "unknown"):
+                found[part] = found.get(part, 0.0) + p
+    return found
+
+
+def ranked_first(row: Row) -> str:
+    """The likeliest effect; empty where none has a probability."""
+    found = inclusion(row)
+    return max(found, key=lambda name: found[name], default="")
+
+
+def calibration(rows: list[Row]) -> float:
+    """Expected calibration error of the likeliest hypothesis's probability."""
+    p, hit = [], []
+    for row in rows:
+        name = max(row["probabilities"], key=lambda n: row["probabilities"][n])
+        true = "unknown" if row["truth"].startswith("outside") else row["truth"]
+        p.append(row["probabilities"][name])
+        hit.append(float(name == true))
+    return expected_calibration_error(np.array(p), np.array(hit))
+
+
+def score(rows: list[Row]) -> dict[str, str]:
+    """All figures of one set or of several."""
+    single = [r for r in rows if r["truth"] != "none" and not r["truth"].startswith("outside")]
+    null = [r for r in rows if r["truth"] == "none"]
+    outside = [r for r in rows if r["truth"].startswith("outside")]
+    seen = [r for r in single if r["lambda"] >= VISIBLE]
+    far = [r for r in outside if r["lambda"] >= VISIBLE]
+    named = [r for r in single if r["verdict"] == "named"]
+    held = [r["held_out_rms_mmHg"] for r in rows if "held_out_rms_mmHg" in r]
+    worse = sum(after > 1.1 * before + 0.05 for before, after in held)
+    closed = [
+        1.0 - r["held_out_rms_mmHg"][1] / r["held_out_rms_mmHg"][0]
+        for r in named
+        if "held_out_rms_mmHg" in r
+    ]
+
+    def first(some: list[Row]) -> str:
+        return wilson(sum(ranked_first(r) == r["truth"] for r in some), len(some))
+
+    def says(some: list[Row], *verdicts: str) -> str:
+        return wilson(sum(r["verdict"] in verdicts for r in some), len(some))
+
+    return {
+        f"first, λ ≥ {VISIBLE:g}": first(seen),
+        "first, all": first(single),
+        "first, if a gap is seen": first([r for r in single if r["verdict"] != "no_gap"]),
+        "named": says(single, "named"),
+        "right if named": wilson(sum(r["named"] == [r["truth"]] for r in named), len(named)),
+        "holds the effect if named": wilson(
+            sum(r["truth"] in r["named"] for r in named), len(named)
+        ),
+        "false alarms": says(null, "named", "ambiguous", "unknown"),
+        "outside: named": says(outside, "named"),
+        f"outside, λ ≥ {VISIBLE:g}: flagged": says(far, "ambiguous", "unknown"),
+        "calibration error": f"{calibration(rows):.3f}" if rows else "-",
+        "held-out gap closed if named": f"{np.median(closed):.2f}" if closed else "-",
+        "made worse": wilson(worse, len(held)),
+    }
+
+
+def misses(rows: list[Row]) -> list[str]:
+    """Every record that was ranked or named wrongly, in a line."""
+    lines = []
+    for row in rows:
+        outside, none = row["truth"].startswith("outside"), row["truth"] == "none"
+        wrong = (
+            (outside and row["verdict"] == "named")
+            or (none and row["verdict"] != "no_gap")
+            or (not outside and not none and ranked_first(row) != row["truth"])
+            or (not outside and row["verdict"] == "named" and row["named"] != [row["truth"]])
+        )
+        if wrong:
+            lines.append(
+                f"{row['record']}: {row['truth']}, {row['label']['form']} (λ {row['lambda']:.1f})"
+                f" -> {row['verdict']}: {', '.join(row['named'][:3]) or '-'}; "
+                f"first {ranked_first(row) or '-'}"
+            )
+    return lines
+
+
+def table(folders: list[pathlib.Path], name: str) -> str:
+    """Figures of a method over sets, apart and together, as a Markdown table."""
+    sets = {folder.name: joined(folder, name) for folder in folders}
+    if len(sets) > 1:
+        sets["all"] = [row for rows in sets.values() for row in rows]
+    figures = {label: score(rows) for label, rows in sets.items()}
+    lines = [f"| {name} | " + " | ".join(figures) + " |", "|---" * (len(figures) + 1) + "|"]
+    for key in next(iter(figures.values())):
+        lines.append(f"| {key} | " + " | ".join(f[key] for f in figures.values()) + " |")
+    return "\n".join(lines)

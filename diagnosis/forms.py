@@ -1,0 +1,239 @@
+"""Further forms of the effects of the catalogue: other equations for the same cause.
+
+Symbols as in `circuit` and `catalogue`; P̂ is the aortic pressure behind a first-order lag, P̄ a mean
+over the beat, k the order of acquisition. Every form changes nothing at size zero and agrees with
+the first form of its effect in unit and expected size.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from diagnosis.circuit import PHASE, Circuit, harmonics, samples
+from diagnosis.effects import Form
+from diagnosis.resolution import HARMONICS
+from lumped.units import MMHG
+
+P_NARROWING = 80.0 * MMHG
+"""Aortic pressure at which dynamic narrowing neither adds nor removes [dyn/cm²]."""
+
+P_AORTA_REGULATED = 85.0 * MMHG
+"""Mean aortic pressure at which autoregulation changes nothing [dyn/cm²]."""
+
+NARROWING_LAG = 0.06
+"""Time constant with which a viscous wall follows the aortic pressure [s]; assumed."""
+
+SQUEEZE_DELAY = 0.08
+"""Delay of the squeeze behind the ventricular pressure at size one [s]; assumed."""
+
+UNDERDAMPED, DAMPED = 0.25, 0.7
+"""Damping ratios of fluid-filled catheters: 0.07 to 0.7."""
+
+Change = Callable[[Circuit, Float[Array, ""]], Circuit]
+
+
+def resistances(*names: str, under: str | None = None) -> Change:
+    """Some resistances of the bed times exp(−φ), where the condition is one of `under`."""
+
+    def change(c: Circuit, size: Array) -> Circuit:
+        share = 1.0 if under is None else getattr(c, under)
+        factor = jnp.exp(-share * size)
+        return c._replace(**{name: getattr(c, name) * factor for name in names})
+
+    return change
+
+
+def halved(*names: str) -> Change:
+    """Some resistances of the bed times 2^(−s φ)."""
+
+    def change(c: Circuit, size: Array) -> Circuit:
+        factor = jnp.exp2(-c.stress * size)
+        return c._replace(**{name: getattr(c, name) * factor for name in names})
+
+    return change
+
+
+def compliances(*names: str) -> Change:
+    """Some compliances times exp(s φ)."""
+
+    def change(c: Circuit, size: Array) -> Circuit:
+        factor = jnp.exp(c.stress * size)
+        return c._replace(**{name: getattr(c, name) * factor for name in names})
+
+    return change
+
+
+def added(name: str, unit: float = 1.0) -> Change:
+    """A size [unit] added to a number of the circuit."""
+    return lambda c, size: c._replace(**{name: getattr(c, name) + size * unit})
+
+
+def collateral(name: str) -> Change:
+    """A conductance φ/(R_1 + R_2 + R_3) added to one of the circuit's."""
+
+    def change(c: Circuit, size: Array) -> Circuit:
+        G = size / (c.R_1 + c.R_2 + c.R_3)
+        return c._replace(**{name: getattr(c, name) + G})
+
+    return change
+
+
+def notch(time: float, width: float) -> Change:
+    """A bell of φ mmHg added to the aortic pressure at a time, both in beats."""
+    bell = np.exp(-0.5 * ((PHASE - time) / width) ** 2)
+    return lambda c, size: c._replace(P_inlet=c.P_inlet + size * MMHG * bell)
+
+
+def incisura(time: float, width: float) -> Change:
+    """A dip of the aortic pressure by φ mmHg, then a rebound, at a time and of a width in beats."""
+    x = (PHASE - time) / width
+    wave = x * np.exp(0.5 * (1.0 - x**2))
+    return lambda c, size: c._replace(P_inlet=c.P_inlet + size * MMHG * wave)
+
+
+def lagged_narrowing(c: Circuit, size: Array) -> Circuit:
+    """Narrowing that follows the aortic pressure with a lag."""
+    omega = 2.0 * jnp.pi / c.period * jnp.arange(HARMONICS + 1, dtype=float)
+    late = harmonics(c.P_inlet) / (
+        1.0 + jax.lax.complex(jnp.zeros_like(omega), omega) * NARROWING_LAG
+    )
+    wave = jnp.exp(size * (samples(late) - P_NARROWING) / P_NARROWING)
+    return c._replace(R0_wave=c.R0_wave * wave)
+
+
+def tube_narrowing(c: Circuit, size: Array) -> Circuit:
+    """Narrowing of a tube whose area saturates, with a resistance as area to the power −2."""
+    area = 1.0 - 0.5 * jnp.tanh(size * (c.P_inlet - P_NARROWING) / P_NARROWING)
+    return c._replace(R0_wave=c.R0_wave * area**-2.0)
+
+
+def dobutamine_narrowing(c: Circuit, size: Array) -> Circuit:
+    """A vessel that is narrower under dobutamine alone."""
+    factor = jnp.exp(c.dobutamine * size)
+    return c._replace(R0=c.R0 * factor, K_known=c.K_known * factor)
+
+
+def late_squeeze(c: Circuit, size: Array) -> Circuit:
+    """Ventricular pressure on the vessels later by φ times `SQUEEZE_DELAY`."""
+    k = jnp.arange(HARMONICS + 1, dtype=float)
+    turn = 2.0 * jnp.pi / c.period * k * size * SQUEEZE_DELAY
+    late = harmonics(c.P_LV) * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
+    return c._replace(P_LV=c.P_LV + samples(late) - samples(harmonics(c.P_LV)))
+
+
+def aortic_regulation(*names: str) -> Change:
+    """Resistances that follow the mean aortic pressure."""
+
+    def change(c: Circuit, size: Array) -> Circuit:
+        mean = jnp.mean(c.P_inlet)
+        factor = jnp.exp(size * (mean - P_AORTA_REGULATED) / P_AORTA_REGULATED)
+        return c._replace(**{name: getattr(c, name) * factor for name in names})
+
+    return change
+
+
+def stated_zero(c: Circuit, size: Array) -> Circuit:
+    """A wrong zero of the transducer that also gave the stated pressures: true ones are lower."""
+    true = c.P_inlet - size * MMHG
+    squeeze = 1.0 - size * MMHG / jnp.max(c.P_inlet)
+    return c._replace(
+        P_inlet=true, P_LV=c.P_LV * squeeze, aortic_offset=c.aortic_offset + size * MMHG
+    )
+
+
+def drift(shape: Callable[[Array], Array]) -> Change:
+    """A distal offset of φ mmHg times a function of the order of acquisition."""
+    return lambda c, size: c._replace(distal_offset=c.distal_offset + shape(c.order) * size * MMHG)
+
+
+def resonance(sensor: str, damping: float) -> Change:
+    """A second-order sensor of the natural frequency ω₀ = 2ζ/φ."""
+
+    def change(c: Circuit, size: Array) -> Circuit:
+        lag, inertia = f"{sensor}_lag", f"{sensor}_inertia"
+        more = (size / (2.0 * damping)) ** 2
+        return c._replace(**{lag: getattr(c, lag) + size, inertia: getattr(c, inertia) + more})
+
+    return change
+
+
+FORMS: dict[str, tuple[Form, ...]] = {
+    "quadratic_loss": (
+        Form("turbulent friction", "ΔP = R0 Q + φ Q|Q|^0.75", added("K_turbulent", MMHG)),
+    ),
+    "dynamic_narrowing": (
+        Form("lagging", "R0 exp(φ (P̂_aorta − 80)/80), lag 60 ms", lagged_narrowing),
+        Form("tube law", "R0 (1 − ½ tanh(φ (P_aorta − 80)/80))⁻²", tube_narrowing),
+    ),
+    "stress_narrowing": (
+        Form("dobutamine alone", "R0 exp(d φ)", dobutamine_narrowing),
+    ),
+    "vasodilation": (
+        Form("R_2 alone", "R_2 exp(−s φ)", resistances("R_2", under="stress")),
+        Form("R_1 and R_2", "R_1, R_2 exp(−s φ)", resistances("R_1", "R_2", under="stress")),
+    ),
+    "adenosine_vasodilation": (
+        Form("R_2 alone", "R_2 exp(−a φ)", resistances("R_2", under="adenosine")),
+        Form("R_1 and R_2", "R_1, R_2 exp(−a φ)", resistances("R_1", "R_2", under="adenosine")),
+    ),
+    "r1_r3_dilation": (
+        Form("R_1 alone", "R_1 2^(−s φ)", halved("R_1")),
+        Form("R_3 alone", "R_3 2^(−s φ)", halved("R_3")),
+    ),
+    "autoregulation": (
+        Form("by aortic pressure", "R_2 exp(φ (P̄_aorta − 85)/85)", aortic_regulation("R_2")),
+        Form(
+            "of arterioles by aortic pressure", "R_1, R_2 exp(φ (P̄_aorta − 85)/85)",
+            aortic_regulation("R_1", "R_2"),
+        ),
+    ),
+    "stress_compliance": (
+        Form("C_a alone", "C_a exp(s φ)", compliances("C_a")),
+        Form("C_im alone", "C_im exp(s φ)", compliances("C_im")),
+    ),
+    "collateral_flow": (
+        Form(
+            "into the epicardial vessel", "G = φ/(R_1 + R_2 + R_3) to the node before R_1",
+            collateral("G_epicardial"),
+        ),
+        Form("steady", "G as above, from the mean aortic pressure", collateral("G_steady")),
+    ),
+    "intramyocardial_pump": (
+        Form("late", "P_LV(t − φ 80 ms)", late_squeeze),
+    ),
+    "wall_viscoelasticity": (
+        Form("Voigt", "C_a/(1 + iωφ)", added("whole_wall_time")),
+    ),
+    "wire_drift": (
+        Form("slowing down", "P_distal + √k φ", drift(lambda k: jnp.sqrt(jnp.maximum(k, 0.0)))),
+        Form("after rest", "P_distal + φ in all conditions after the first",
+             drift(lambda k: jnp.minimum(k, 1.0))),
+    ),
+    "aortic_zero_error": (
+        Form("stated pressures as well", "P_aorta + φ, stated P_aorta + φ", stated_zero),
+    ),
+    "catheter_damping": (
+        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("aortic", UNDERDAMPED)),
+        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", resonance("aortic", DAMPED)),
+    ),
+    "distal_damping": (
+        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("distal", UNDERDAMPED)),
+        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", resonance("distal", DAMPED)),
+    ),
+    "signal_delay": (
+        Form("of the aortic trace", "P_aorta(t + φ)",
+             lambda c, size: c._replace(aortic_delay=c.aortic_delay - size)),
+    ),
+    "aortic_waveform": (
+        Form("early", "bell at 0.33 beats", notch(0.33, 0.03)),
+        Form("late", "bell at 0.47 beats", notch(0.47, 0.03)),
+        Form("broad", "bell of width 0.08 beats at 0.3", notch(0.30, 0.08)),
+        Form("narrow", "bell of width 0.015 beats", notch(0.40, 0.015)),
+        Form("incisura", "dip and rebound at 0.4 beats", incisura(0.40, 0.03)),
+        Form("diastolic wave", "bell of width 0.06 beats at 0.55", notch(0.55, 0.06)),
+    ),
+}  # fmt: skip
+"""Further forms by id of the effect."""

@@ -1,0 +1,98 @@
+"""How well a hypothesis predicts conditions that it was not fitted to.
+
+With the model linearised about a hypothesis's posterior mean, the ln density of the data of a
+condition c given the others is the difference of two evidences,
+
+    ln p(y_c | y_others) = ln Z(all) − ln Z(all but c).
+
+Held-out conditions are revealed here alone, after the fit: ln p(held out | fitted). A named effect
+has to predict them no worse than no gap does; without held-out data, every condition is left out in
+turn.
+
+Source: leave-one-out predictive densities, Vehtari & Lampinen 2002 (Neural Comput 14:2439).
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from diagnosis.effects import Effect
+from diagnosis.evidence import Whitened, posterior
+from diagnosis.hypothesis import (
+    Catalogue,
+    by_condition,
+    form_uncertainty,
+    log_prior_of_sizes,
+    one_sided_unknowns,
+    sensor_model,
+)
+from diagnosis.measured import Measured, Whitener, data_of, whitener_of
+from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
+
+
+class Predicted(NamedTuple):
+    """Ln predictive densities of a hypothesis, or their gain over those of no gap.
+
+    Attributes:
+        held_out: of all held-out conditions given the fitted ones; 0 where there are none.
+        left_out: of each fitted condition given the other fitted ones; 0 for held-out ones.
+    """
+
+    held_out: Float[Array, "*b"]
+    left_out: Float[Array, "*b c"]
+
+
+def predictive_density(
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    *,
+    nonlinear: bool,
+) -> Predicted:
+    """Ln predictive densities of a fitted hypothesis.
+
+    Args:
+        measured: the record.
+        effects: the catalogue (static).
+        numbers: of the catalogue.
+        pair: positions of the hypothesis's effects, −1 for none.
+        x: its posterior mean, standardised.
+        nonlinear: whether any of them makes the ostium nonlinear (static).
+    """
+    cases, chooser = condition_settings(measured), selection(measured.n_conditions, 2)
+    beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
+    sided = one_sided_unknowns(measured, numbers, pair)
+    inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
+    shown = dataclasses.replace(measured, held_out=jnp.zeros_like(measured.held_out))
+
+    def linear_of(record: Measured) -> tuple[Whitened, Array]:
+        W, data = whitener_of(record), data_of(record)
+
+        def whitened(W: Whitener, case: ConditionSettings, own: Array) -> Array:
+            return W(observations(beat(case, own), record.n_sensors))
+
+        value, J = by_condition(whitened, W, cases, jnp.asarray(chooser))(inside)
+        F = form_uncertainty(record, effects, numbers, pair, inside, nonlinear=nonlinear)
+        return Whitened(W(data) - value + J @ inside, J), F
+
+    def log_Z(linear: Whitened, F: Array, used: Array) -> Array:
+        kept = Whitened(linear.e * used[:, None], linear.J * used[:, None, None])
+        after = posterior(kept, F * used[:, None, None], sided)
+        return after.log_evidence + log_prior_of_sizes(after, pair, sided)
+
+    C = measured.n_conditions
+    fitted, revealed = linear_of(measured), linear_of(shown)
+    # a condition of which nothing counts adds nothing: its whitened data are zero
+    own = 1.0 - measured.held_out
+    given = log_Z(*fitted, jnp.ones(C))
+    held_out = log_Z(*revealed, jnp.ones(C)) - given
+    without = jax.vmap(lambda k: log_Z(*fitted, 1.0 - k))(jnp.eye(C))
+    return Predicted(
+        jnp.where(jnp.sum(measured.held_out) > 0.5, held_out, 0.0), (given - without) * own
+    )

@@ -1,0 +1,135 @@
+"""Fits of single effects: the first form of each, and further forms where they may matter.
+
+The scan about the base optimum predicts how much better another form of an effect would do than its
+first one. A form is fitted where that prediction comes near the best effect of the record; the
+others get the predicted evidence, at most that of the first form. Records without waveforms hardly
+tell forms apart: there all are predicted.
+"""
+
+import jax
+import numpy as np
+
+from diagnosis.effects import SCALE, Effect
+from diagnosis.engine import ProgressCallback, run_fits
+from diagnosis.hypothesis import Catalogue, Fitted
+from diagnosis.measured import Measured
+from diagnosis.pairs import WORTH_PAIRING, Causes
+from diagnosis.ridge import along_ridges
+from diagnosis.scan import Scan
+
+NEAR = 12.0
+"""ln B below that of the best effect down to which further forms are fitted."""
+
+
+def single_fits(
+    batch: Measured,
+    base: Fitted,
+    scan: Scan,
+    causes: Causes,
+    numbers: Catalogue,
+    forms: tuple[Effect, ...],
+    progress: ProgressCallback,
+) -> Fitted:
+    """Fits of every form alone, by record, then form.
+
+    Args:
+        batch: the records.
+        base: fits of the base model.
+        scan: of all forms about these.
+        causes: which effect each form belongs to.
+        numbers: of the forms.
+        forms: every form of every effect.
+        progress: called after each block of jobs.
+    """
+    B, F = batch.period.shape[0], len(forms)
+    first = np.array([causes.forms(c)[0] for c in range(len(causes.names))])
+    fits = _first_fits(batch, base, first, numbers, forms, progress)
+    row = np.arange(B)[:, None] * first.size + causes.of[None, :]
+    log_B = (np.asarray(fits.log_evidence).reshape(B, -1) - base.log_evidence[:, None])[
+        :, causes.of
+    ]
+    scanned = np.asarray(scan.log_B)
+    expected = log_B + scanned - scanned[:, first][:, causes.of]
+    best = expected.max(axis=1, keepdims=True)
+    further = ~np.isin(np.arange(F), first)[None, :]
+    wanted = further & (expected > np.maximum(best - NEAR, WORTH_PAIRING))
+    if not batch.n_sensors:
+        wanted[:] = False
+    every = jax.tree.map(lambda leaf: np.asarray(leaf)[row.ravel()], fits)
+    log_Z = np.minimum(expected, log_B) + base.log_evidence[:, None]
+    every = every._replace(log_evidence=np.where(further, log_Z, every.log_evidence.reshape(B, F)))
+    every = every._replace(log_evidence=every.log_evidence.ravel())
+    record, form = np.nonzero(wanted)
+    if record.size == 0:
+        return every
+    positions = np.stack([form, np.full_like(form, -1)], axis=1)
+    more = _best_of_starts(
+        batch, record, positions, np.asarray(base.x)[record], numbers, forms, progress
+    )
+
+    def placed(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
+        found = whole.copy()
+        found[record * F + form] = part
+        return found
+
+    return jax.tree.map(placed, every, more)
+
+
+def _first_fits(
+    batch: Measured,
+    base: Fitted,
+    first: np.ndarray,
+    numbers: Catalogue,
+    forms: tuple[Effect, ...],
+    progress: ProgressCallback,
+) -> Fitted:
+    """Fits of the first form of every effect, by record, then effect."""
+    B = batch.period.shape[0]
+    record = np.repeat(np.arange(B), first.size)
+    positions = np.stack([np.tile(first, B), np.full(record.size, -1)], axis=1)
+    curved = first[[forms[k].ridge and batch.n_sensors == 0 for k in first]]
+    free = ~np.isin(positions[:, 0], curved)
+    parts: list[Fitted] = []
+    if np.any(free):
+        start = np.asarray(base.x)[record[free]]
+        parts.append(
+            _best_of_starts(batch, record[free], positions[free], start, numbers, forms, progress)
+        )
+    if curved.size:
+        parts.append(along_ridges(batch, base, curved, numbers, forms, progress))
+    back = np.argsort(~free, kind="stable").argsort()
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
+
+
+def _best_of_starts(
+    batch: Measured,
+    record: np.ndarray,
+    pairs: np.ndarray,
+    starts: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    progress: ProgressCallback,
+) -> Fitted:
+    """Fits from size zero, some also from the expected size; the better one is returned."""
+    near = run_fits(
+        batch, record, pairs, starts, numbers, effects, step="fitting every effect",
+        progress=progress,
+    )  # fmt: skip
+    curved = np.array([effect.two_starts for effect in effects])
+    again = np.flatnonzero(curved[pairs[:, 0]])
+    if again.size == 0:
+        return near
+    moved = starts[again].copy()
+    moved[:, -2] = 1.0 / SCALE
+    far = run_fits(
+        batch, record[again], pairs[again], moved, numbers, effects,
+        step="fitting from a second start", progress=progress,
+    )  # fmt: skip
+    better = far.sound & (far.log_evidence > near.log_evidence[again])
+
+    def merge(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        merged = first.copy()
+        merged[again[better]] = second[better]
+        return merged
+
+    return jax.tree.map(merge, near, far)

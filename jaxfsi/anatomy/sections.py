@@ -215,13 +215,19 @@ def surface_ring(
     """Points of a surface on the outline of `surface_outline`, in order; the same arguments.
 
     Raises:
-        ValueError: the plane misses the surface, or no loop closes round the centre.
+        ValueError: the plane misses the surface, no loop closes round the centre, or its outline is
+            open.
     """
     segments, ends = _crossed(points, triangles, centre, normal)
     own = ends[_loop_of(segments, ends)]
     following = dict(own.tolist())
     order = [int(own[0, 0])]
-    while (after := following[order[-1]]) != order[0]:
+    while (after := following.get(order[-1])) != order[0]:
+        if after is None:
+            raise ValueError(
+                "the plane crosses the edge of the surface, so that its outline is open. Move the"
+                " centre away from the ends of the vessel."
+            )
         order.append(after)
     low, high = np.divmod(np.array(order), len(points))
     height = _heights(points - centre, normal)

@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Python keeps what it compiles: without it each process that a test starts would compile it anew.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo test lint benchmark format clean
+.PHONY: demo test lint benchmark format viewer clean
 
 demo: .venv/installed
 	$(BIN)/jaxfsi study --demo --quick --out results
@@ -27,6 +27,10 @@ benchmark: .venv/installed-benchmark
 format: .venv/installed-test
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+# Only who changes the interactive page needs node: its bundle is kept.
+viewer:
+	cd study/report/viewer && npm ci --no-audit --no-fund && npm run build
 
 .venv/bin/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python >= 3.11 is needed; set PYTHON=/path/to/python3.11")'

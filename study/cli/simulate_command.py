@@ -11,6 +11,7 @@ from study.report.page import simulation_report
 from study.report.pictures import Drawn, embedded_pictures, write_simulation_pictures
 from study.report.simulation_pictures import draw_simulation
 from study.report.simulation_results import simulation_document
+from study.report.study_vessel import simulation_vessel, vessel_files, vessel_name
 from study.run.lumen_collapse import anatomy_of
 from study.run.mesh import chosen_state, mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
@@ -67,10 +68,13 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
         document = as_json(
             simulation_document(case, options.condition, setup, outcome, drawn, folder, origin)
         )
-        page = simulation_report(document, embedded_pictures(drawn.pictures))
+        vessel = simulation_vessel(case, options.condition, setup, outcome, anatomy, series)
+        pictures = embedded_pictures(drawn.pictures)
+        page = simulation_report(document, pictures, vessel_name(vessel, "simulate"))
+        shown = {**vessel_files(vessel, "simulate"), SIMULATION_PAGE: page}
         written = write_files(
             folder,
-            {SIMULATION_PAGE: page, SIMULATION_FILE: to_json(document)},
+            {**shown, SIMULATION_FILE: to_json(document)},
             fill=lambda part: write_simulation_pictures(part, drawn),
             before=lambda names: make_way(folder, document, note, names),
         )

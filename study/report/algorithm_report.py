@@ -12,6 +12,7 @@ from study.report.algorithm_results import study_document
 from study.report.pictures import Drawn, embedded_pictures, film_text, write_study_pictures
 from study.report.simulation_pictures import draw_film, draw_lumen, draw_simulation
 from study.report.study_report import study_report
+from study.report.study_vessel import study_vessel, vessel_files, vessel_name
 from study.run.progress import Progress
 from study.run.study_result import StudyResult
 from study.store.json_form import as_json
@@ -41,8 +42,11 @@ def write_study(
     progress.step("writing the report")
     document = as_json(study_document(result, drawn, list(films), provenance))
     pictures = {name: embedded_pictures(part.pictures) for name, part in drawn.items()}
-    page = study_report(document, pictures, {n: film_text(c) for n, c in films.items()})
-    files = {STUDY_PAGE: page, STUDY_FILE: to_json(document)}
+    texts = {n: film_text(c) for n, c in films.items()}
+    vessel = study_vessel(result)
+    page = study_report(document, pictures, texts, vessel_name(vessel, "study"))
+    shown = {**vessel_files(vessel, "study"), STUDY_PAGE: page}
+    files = {**shown, STUDY_FILE: to_json(document)}
     written = write_files(
         result.folder, files, fill=lambda part: write_study_pictures(part, drawn, films)
     )

@@ -52,12 +52,15 @@ def html_report(document: Document, pictures: Pictures | None = None) -> str:
     )
 
 
-def simulation_report(document: Document, pictures: Mapping[str, str]) -> str:
+def simulation_report(
+    document: Document, pictures: Mapping[str, str], vessel: str | None = None
+) -> str:
     """The report of a 3D run as HTML, its figures inside.
 
     Args:
         document: what `simulation_document` made, fresh or read back.
         pictures: addresses of pictures by name.
+        vessel: name of the page of the vessel beside it; None: there is none.
     """
     return rendered(
         "simulation.html",
@@ -65,6 +68,7 @@ def simulation_report(document: Document, pictures: Mapping[str, str]) -> str:
         fig=safe(simulation_figures(document)),
         picture=pictures,
         captions=PICTURES,
+        vessel=vessel,
     )
 
 

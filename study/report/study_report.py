@@ -19,6 +19,7 @@ def study_report(
     document: Document,
     pictures: Mapping[str, Mapping[str, str]],
     films: Mapping[str, str],
+    vessel: str | None = None,
 ) -> str:
     """The page of a study as HTML, its figures inside.
 
@@ -26,6 +27,7 @@ def study_report(
         document: the document of the study as JSON holds it, fresh or read back.
         pictures: addresses of pictures by run and name.
         films: addresses of animations by run.
+        vessel: name of the page of the vessel beside it; None: there is none.
     """
     return rendered(
         "study.html",
@@ -38,10 +40,11 @@ def study_report(
         picture=pictures,
         film=films,
         captions=PICTURES,
+        vessel=vessel,
     )
 
 
-def stored_study_report(folder: pathlib.Path, document: Document) -> str:
+def stored_study_report(folder: pathlib.Path, document: Document, vessel: str | None = None) -> str:
     """The page of a stored study; pictures that are gone are left out."""
     pictures = stored_study_pictures(folder, document)
-    return study_report(document, pictures, stored_films(folder, document))
+    return study_report(document, pictures, stored_films(folder, document), vessel)

@@ -122,6 +122,8 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/pictures.py", "study/report/plan_results.py",
     "study/report/simulation_rendering.py", "study/report/stored_page.py",
     "study/report/style.py", "study/report/summary.py", "study/report/sweep_results.py",
+    "study/report/packed_array.py", "study/report/stored_vessel.py",
+    "study/report/study_vessel.py", "study/report/vessel_*",
     "study/run/cohort.py", "study/run/compile_ahead.py", "study/run/computed_parts.py",
     "study/run/finished_study.py",
     "study/run/gap_parts.py", "study/run/members.py",

@@ -11,6 +11,9 @@ COHORT_FILE, COHORT_PAGE = "cohort.json", "cohort.html"
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE, CALIBRATION_FILE = "plan.json", "calibration.json"
 WALL_FILE, WALL_PAGE = "wall.json", "wall.html"
+STUDY_VESSEL_PAGE, STUDY_VESSEL_DATA = "study-vessel.html", "study-vessel.json"
+SIMULATION_VESSEL_PAGE = "simulation-vessel.html"
+SIMULATION_VESSEL_DATA = "simulation-vessel.json"
 SWEEP_FILE, TABLE_FILE, FIGURE_FILE = "sweep.json", "sweep.csv", "sweep.svg"
 
 HISTORY_FILE, CHECKPOINT_FILE, SHEAR_FILE = "history.csv", "checkpoint.npz", "shear.vtu"
@@ -42,10 +45,14 @@ KINDS = {
     "mesh": Kind(MESH_FILE, (PAGE_FILE,)),
     "simulate": Kind(
         SIMULATION_FILE,
-        (SIMULATION_PAGE, SIMULATION_PICTURES),
+        (SIMULATION_PAGE, SIMULATION_VESSEL_PAGE, SIMULATION_VESSEL_DATA, SIMULATION_PICTURES),
         (CHECKPOINT_FILE, HISTORY_FILE, SHEAR_FILE, FIELD_FOLDER),
     ),
-    "study": Kind(STUDY_FILE, (STUDY_PAGE, STUDY_PICTURES), (RUN_FOLDER, STAGE_FOLDER)),
+    "study": Kind(
+        STUDY_FILE,
+        (STUDY_PAGE, STUDY_VESSEL_PAGE, STUDY_VESSEL_DATA, STUDY_PICTURES),
+        (RUN_FOLDER, STAGE_FOLDER),
+    ),
     "cohort": Kind(COHORT_FILE, (COHORT_PAGE,)),
     "wall": Kind(WALL_FILE, (WALL_PAGE,)),
     "calibrate": Kind(CALIBRATION_FILE),

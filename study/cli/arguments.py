@@ -292,6 +292,15 @@ def _show_arguments(command: argparse.ArgumentParser) -> None:
         metavar="KIND",
         help=f"the JSON Schema of a kind of result instead: {', '.join(document_kinds())}",
     )
+    command.add_argument(
+        "--beside",
+        nargs="+",
+        default=(),
+        type=pathlib.Path,
+        metavar="DIR",
+        help="results of study or simulate for the same patient, such as with another wall, that"
+        " the interactive page can be switched to; with --out",
+    )
 
 
 def _cohort_arguments(command: argparse.ArgumentParser) -> None:

@@ -170,6 +170,8 @@ def _stored(request: Request[ShowOptions]) -> tuple[Any, ...]:
     """A stored result."""
     result = request.options.result
     assert result is not None, "else a schema is shown"
+    if request.options.beside and request.out is None:
+        raise OutputRefused("--beside is for the page that --out writes. Give --out, or leave it.")
     document = load_document(result)
     readable(result, document, lambda: (summary(document), without_waveforms(document)))
     return (document,)

@@ -156,6 +156,7 @@ examples:
   jaxfsi show case-results
   jaxfsi show case-results/result.json --json
   jaxfsi show case-results --out elsewhere
+  jaxfsi show case-results --beside rigid-results --out elsewhere   switch between two walls
   jaxfsi show --schema study                    what the keys of study.json mean, with units
 """,
     ),

@@ -35,10 +35,12 @@ class ShowOptions(Options):
     Attributes:
         result: file or folder of a stored result; None where a schema is shown.
         schema: kind of document whose JSON Schema is shown instead of a result.
+        beside: folders of results that the interactive page can be switched to.
     """
 
     result: pathlib.Path | None
     schema: str | None = None
+    beside: tuple[pathlib.Path, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -38,12 +38,13 @@ def page_name(document: Document) -> str:
     return _NAMES.get(document["kind"], REPORT_FILE)
 
 
-def stored_page(result: pathlib.Path, document: Document) -> str:
+def stored_page(result: pathlib.Path, document: Document, vessel: str | None = None) -> str:
     """The page of a stored result.
 
     Args:
         result: its file or folder.
         document: what the file holds.
+        vessel: name of the page of the vessel beside it; None: there is none.
 
     Raises:
         CaseError: there is no page of such a result.
@@ -56,12 +57,13 @@ def stored_page(result: pathlib.Path, document: Document) -> str:
     if document["kind"] == "cohort":
         return cohort_report(document)
     if document["kind"] == "study":
-        return stored_study_report(folder, document)
+        return stored_study_report(folder, document, vessel)
     if document["kind"] == "diagnose":
         return diagnosis_report(document)
     if document["kind"] == "wall":
         return wall_report(document)
     if document["kind"] == "simulate":
-        return simulation_report(document, stored_simulation_pictures(folder, document))
+        pictures = stored_simulation_pictures(folder, document)
+        return simulation_report(document, pictures, vessel)
     part = document if document["kind"] == "mesh" else document.get("mesh") or {}
     return html_report(document, stored_mesh_pictures(folder, part) if "states" in part else {})

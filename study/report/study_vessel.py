@@ -28,8 +28,6 @@ from study.store.result_files import (
 from study.store.result_names import NOMINAL
 from study.store.stored_document import to_json
 
-CALIBRATED, UNIT_ALPHA = "calibrated", "nominal (alpha = 1)"
-
 VESSEL_FILES = {
     "study": (STUDY_VESSEL_PAGE, STUDY_VESSEL_DATA, STUDY_PAGE),
     "simulate": (SIMULATION_VESSEL_PAGE, SIMULATION_VESSEL_DATA, SIMULATION_PAGE),
@@ -52,7 +50,7 @@ def _runs(result: StudyResult) -> Iterator[ShownRun]:
             id=run.id,
             condition=run.condition,
             rule=run.rule,
-            outlet=CALIBRATED if run.id in calibrated else UNIT_ALPHA,
+            outlet=_outlet_words(run.alpha),
             wall=wall_words(result.case, rigid=False),
             ratio_name=ratio_name(run.condition),
             measured=result.case.conditions[run.condition].ffr,
@@ -63,6 +61,10 @@ def _runs(result: StudyResult) -> Iterator[ShownRun]:
             site=_site(run),
             wider=result.sensitivities[run.id].lumen if run.id in result.sensitivities else None,
         )
+
+
+def _outlet_words(alpha: float) -> str:
+    return f"alpha = {alpha:.4g}"
 
 
 def _site(run: Run3D) -> tuple[np.ndarray, np.ndarray] | None:
@@ -102,7 +104,7 @@ def simulation_vessel(
         id=condition,
         condition=condition,
         rule=None,
-        outlet=f"alpha = {float(setup.outlets.alpha):.4g}",
+        outlet=_outlet_words(float(setup.outlets.alpha)),
         wall=wall_words(case, rigid=setup.model.is_rigid),
         ratio_name=ratio_name(condition),
         measured=case.conditions[condition].ffr,

@@ -85,7 +85,7 @@ class VesselView:
         shape: number of its shape.
         condition: name of the condition.
         rule: stress rule; None at rest, and where there is no choice.
-        outlet: where the scale of the outlet comes from, in words.
+        outlet: the scale of its resistances, in words.
         wall: the wall, in words.
         ratio_name: `ffr`, or `rest_ratio`.
         ratio: the ratio of the run, distal to aortic mean pressure [-]; None: no whole cycle.

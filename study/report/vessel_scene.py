@@ -56,7 +56,7 @@ class ShownRun:
         id: its id.
         condition: name of the condition.
         rule: stress rule; None where there is none.
-        outlet: where the scale of the outlet comes from, in words.
+        outlet: the scale of its resistances, in words.
         wall: the wall, in words.
         ratio_name: `ffr`, or `rest_ratio`.
         measured: measured ratio.
@@ -209,7 +209,7 @@ def _picture(
     view = LookedAt(focus, toward, up, shape.half_mm)
     curve = None if planes is None or along is None else PulledBack(planes.s / MM, along)
     called = "FFR" if run.ratio_name == "ffr" else "resting Pd/Pa"
-    title = f"{run.condition}, {run.outlet} outlet, wall: {run.wall}; {called} {run.ratio:.3f}"
+    title = f"{run.condition}, {run.outlet}, wall: {run.wall}; {called} {run.ratio:.3f}"
     beside = unpacked(shape.node_s_mm) < 0.0
     beside &= not np.all(beside)
     surface = (cycle.points / MM, cycle.triangles, ratio, beside)

@@ -19,6 +19,8 @@ from jaxfsi.meshing import tube
 from lumped import MMHG
 from study import CaseError, read_case
 from study.case.parameters import WindkesselParameters
+from study.report.packed_array import unpacked
+from study.report.stored_vessel import stored_vessel
 from study.run.anatomy_source import case_mesh
 from study.run.opening_checks import check_openings
 from study.run.setup import (
@@ -126,6 +128,8 @@ def test_files_of_a_run(outcome):
         "shear.vtu",
         "simulation.json",
         "simulation.html",
+        "simulation-vessel.html",
+        "simulation-vessel.json",
         "checkpoint.npz",
     } <= names
     series = pv.get_reader(outcome.folder / "fields/fields.pvd")
@@ -153,6 +157,24 @@ def test_document_says_what_was_run(outcome):
     P = [float(row["P_aorta_inlet_mmHg"]) for row in rows]
     mean = document["cycles"][0]["ports"]["aorta_inlet"]["mean_P_mmHg"]
     assert mean == pytest.approx(np.mean(P), rel=1e-6)
+
+
+def test_page_of_the_vessel_holds_the_numbers_of_the_document(outcome):
+    document = outcome.written("simulation.json")
+    data = stored_vessel(outcome.folder, "simulate")
+    assert data is not None
+    (view,) = data.views
+    cycle = document["cycles"][0]
+    assert view.wall == "rigid"
+    assert view.ratio is None  # a part of a cycle
+    assert view.P_distal_mean_mmHg == cycle["ports"]["anomalous_outlet"]["mean_P_mmHg"]
+    assert view.P_distal_mean_mmHg / view.P_aorta_mean_mmHg == pytest.approx(cycle["ratio"])
+    assert len(view.t_s) == 4
+    P = unpacked(view.node_P_mmHg)
+    low, high = (document["history"]["P_mmHg"]["aorta_inlet"][i] for i in (0, -1))
+    assert P.mean() == pytest.approx(0.5 * (low + high), rel=0.2)
+    page = (outcome.folder / "simulation.html").read_text()
+    assert 'href="simulation-vessel.html"' in page
 
 
 def test_rigid_wall_lets_as_much_out_as_in(outcome):
@@ -256,7 +278,8 @@ def test_forgotten_run_leaves_nothing(outcome, tmp_path):
     (folder / "inputs.txt").write_text("key")
     clear_run(folder)
     left = {name.split("/")[0].split("-pictures")[0] for name in _content(folder)}
-    assert left <= {"inputs.txt", "simulation.json", "simulation.html", "simulation"}
+    shown = {"simulation.json", "simulation.html", "simulation"}
+    assert left <= {"inputs.txt", *shown, "simulation-vessel.html", "simulation-vessel.json"}
     clear_run(folder)  # also where there is none
 
 

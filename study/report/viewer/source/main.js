@@ -127,7 +127,9 @@ class Page {
   /** One group of buttons for each way in which the views differ. */
   _choices() {
     for (const axis of AXES) {
-      const values = [...new Set(this.words.map((view) => view[axis]))];
+      const stressed = (view) => Number(view.ratio_name === 'ffr');
+      const ordered = [...this.words].sort((a, b) => stressed(a) - stressed(b));
+      const values = [...new Set(ordered.map((view) => view[axis]))];
       const group = element(`choose-${axis}`);
       if (values.length === 1) {
         group.textContent = values[0];

@@ -22,10 +22,11 @@ const SURFACE_FRAGMENT = `#version 300 es
 precision highp float;
 in vec3 vNormal; in vec3 vPlace; in float vValue; in float vPale;
 uniform sampler2D tScale; uniform vec2 uRange; uniform float uLimit; uniform float uLimited;
+uniform float uPaled;
 out vec4 colour;
 void main() {
   float share = clamp((vValue - uRange.x) / (uRange.y - uRange.x), 0.001, 0.999);
-  vec3 base = mix(texture(tScale, vec2(share, 0.5)).rgb, vec3(0.93, 0.94, 0.95), 0.72 * vPale);
+  vec3 base = mix(texture(tScale, vec2(share, 0.5)).rgb, vec3(0.93, 0.94, 0.95), 0.72 * vPale * uPaled);
   float line = abs(vValue - uLimit) / max(fwidth(vValue), 1e-9);
   base = mix(base, vec3(0.05), uLimited * (1.0 - vPale) * (1.0 - smoothstep(0.8, 1.8, line)));
   float facing = abs(dot(normalize(vNormal), normalize(-vPlace)));
@@ -74,6 +75,7 @@ export class Stage {
         uRange: { value: new Vec2(0, 1) },
         uLimit: { value: 0 },
         uLimited: { value: 0 },
+        uPaled: { value: 0 },
       },
     });
     const mark = { vertex: MARK_VERTEX, fragment: MARK_FRAGMENT, cullFace: false };
@@ -138,7 +140,9 @@ export class Stage {
     return this.surface.geometry.attributes[name].data;
   }
 
-  setScale(scale) {
+  /** Colours of the surface; `paled`: fainter on other vessels than the artery. */
+  setScale(scale, paled) {
+    this.program.uniforms.uPaled.value = paled ? 1 : 0;
     this.texture.image = scale.bytes;
     this.texture.needsUpdate = true;
     this.program.uniforms.uRange.value.set(scale.low, scale.high);

@@ -81,7 +81,7 @@ export class Viewer {
       const most = Math.max(...over('wider_per_mm3').map(Math.abs));
       this.scale = scaleOf({ low: -most, high: most, colours: this.colours.wider });
     }
-    this.stage?.setScale(this.scale);
+    this.stage?.setScale(this.scale, this.colour === 'ratio' || this.colour === 'wider');
   }
 
   farthest(view) {

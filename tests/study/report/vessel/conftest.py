@@ -1,5 +1,6 @@
 """A tube with a known pressure and motion, its page, and a browser without a window."""
 
+import dataclasses
 import json
 import os
 import pathlib
@@ -17,6 +18,7 @@ from jaxfsi.fields.frame import Grid
 from jaxfsi.meshing import tube
 from jaxfsi.opening import ANOMALOUS
 from jaxfsi.simulation.cycles import CycleMeans, PortMeans
+from study.report.vessel_page import vessel_page
 from study.report.vessel_scene import ShownRun, vessel_data
 
 LENGTH, RADIUS, PERIOD, FRAMES = 2.0, 0.2, 0.8, 10
@@ -37,12 +39,12 @@ def bulge(t):
     return BULGE * np.sin(np.pi * t / PERIOD) ** 2
 
 
-def _written(folder, mesh, more=0.0):
+def _written(folder, mesh, more=0.0, moves=1.0, frames=FRAMES):
     grid = Grid(mesh.points, mesh.tets, {"region": mesh.region.astype(np.uint8)})
     entries = []
-    for k in range(FRAMES + 1):
+    for k in range(frames + 1):
         t = PERIOD * k / FRAMES
-        d = mesh.points * np.array([1.0, 1.0, 0.0]) * bulge(t)
+        d = mesh.points * np.array([1.0, 1.0, 0.0]) * moves * bulge(t)
         P = pressure(mesh.points[:, 2], t) - more * mesh.points[:, 2]
         name = frame_name("fields", k)
         fields = {"pressure_mmHg": P.astype(np.float32), "displacement_cm": d.astype(np.float32)}
@@ -79,7 +81,7 @@ def vessel(tmp_path_factory):
             id=f"loop-{condition}",
             condition=condition,
             rule=None if condition == "rest" else "printed",
-            outlet="calibrated",
+            outlet="alpha = 0.11",
             wall="neo-Hookean, 1.5 MPa",
             ratio_name=name,
             measured=0.91 if condition == "rest" else None,
@@ -92,6 +94,22 @@ def vessel(tmp_path_factory):
         runs.append(run)
     data = vessel_data("tube & <b>", mesh, anatomy, runs)
     return types.SimpleNamespace(mesh=mesh, anatomy=anatomy, runs=runs, data=data)
+
+
+@pytest.fixture(scope="session")
+def bare_page(vessel, tmp_path_factory) -> pathlib.Path:
+    """The page of a part of a cycle behind a wall that does not move, the artery without axis."""
+    first = vessel.runs[0]
+    series = first.series.parent.parent / "still" / "fields.pvd"
+    series.parent.mkdir()
+    _written(series.parent, vessel.mesh, moves=0.0, frames=4)
+    cycle = dataclasses.replace(first.cycle, complete=False)
+    run = dataclasses.replace(first, wall="rigid", cycle=cycle, series=series)
+    data = vessel_data("bare", vessel.mesh, None, [run])
+    assert data is not None
+    file = tmp_path_factory.mktemp("bare") / "simulation-vessel.html"
+    file.write_text(vessel_page(data, None), encoding="utf-8")
+    return file
 
 
 class Browser:
@@ -183,8 +201,6 @@ def browser(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def page_file(vessel, tmp_path_factory) -> pathlib.Path:
-    from study.report.vessel_page import vessel_page
-
     file = tmp_path_factory.mktemp("page") / "study-vessel.html"
     file.write_text(vessel_page(vessel.data, "study.html"), encoding="utf-8")
     return file

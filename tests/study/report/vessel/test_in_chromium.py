@@ -80,7 +80,7 @@ def test_without_graphics_the_picture_and_the_curves_remain(browser, page_file):
     browser.open(broken.as_uri())
     browser.waited("document.body?.classList.contains('flat') || null")
     assert browser.value(_display("img.still")) == "block"
-    assert browser.value(_display("#stage-box")) == "none"
+    assert browser.value(_display(".frame")) == "none"
     assert browser.value("document.querySelectorAll('#pullback path').length") > 2
     browser.value("document.getElementById('along').value = 0")
     browser.value("document.getElementById('along').dispatchEvent(new Event('input'))")
@@ -95,3 +95,14 @@ def test_paper_shows_the_picture_in_place_of_the_controls(browser, page_file):
     assert (browser.value(controls), browser.value(picture)) == ("block", "none")
     browser.call("Emulation.setEmulatedMedia", media="print")
     assert (browser.value(controls), browser.value(picture)) == ("none", "block")
+
+
+def test_a_page_without_axis_motion_or_whole_cycle_says_so(browser, bare_page):
+    browser.open(f"{bare_page.as_uri()}#selftest")
+    found = json.loads(browser.waited("document.getElementById('selftest')?.textContent"))
+    assert "error" not in found, found["error"]
+    assert [entry["name"] for entry in found["colours"]] == ["ratio", "pressure"]
+    assert found["shift"] == 0.0
+    assert "no whole cycle" in found["views"][0]["shown"]
+    assert browser.value(_display("#pullback-panel")) == "none"
+    assert browser.value(_display("#rigid-note")) == "block"

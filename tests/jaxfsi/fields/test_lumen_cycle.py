@@ -5,7 +5,7 @@ import types
 import numpy as np
 import pytest
 
-from jaxfsi.anatomy.anatomy import Centerline
+from jaxfsi.anatomy.anatomy import Anatomy, Centerline
 from jaxfsi.fields import Entry, frame_name
 from jaxfsi.fields.frame import Grid
 from jaxfsi.fields.lumen_cycle import cycle_frames, lumen_cycle, mean_pressure
@@ -22,6 +22,15 @@ def _pressure(z, t):
 
 def _bulge(t):
     return 0.2 * np.sin(np.pi * t / PERIOD) ** 2
+
+
+def _nothing(points):
+    """Stands for the shape of an anatomy, which has a mesh already."""
+    raise AssertionError(points)
+
+
+def _anatomy(centerlines, meta=None):
+    return Anatomy("tube", *[_nothing] * 4, (), np.zeros((2, 3)), centerlines, meta or {})
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +51,7 @@ def run(tmp_path_factory):
         entries.append(Entry(t, frame_name("fields", k)))
     z = np.linspace(0.0, LENGTH, 101)
     line = Centerline(np.stack([0.0 * z, 0.0 * z, z], axis=1), z)
-    anatomy = types.SimpleNamespace(centerlines={ANOMALOUS: line}, meta={"s_frames": [0.333]})
+    anatomy = _anatomy({ANOMALOUS: line}, {"s_frames": [0.333]})
     return types.SimpleNamespace(folder=folder, mesh=mesh, entries=entries, anatomy=anatomy)
 
 
@@ -108,7 +117,7 @@ def test_planes_that_cross_an_end_are_left_out(run, cycle):
     short = Centerline(
         np.array([[0.0, -0.1, 1.0], [0.0, 0.1, 1.9], [0.0, 0.3, 2.8]]), np.array([0.0, 0.92, 1.84])
     )
-    anatomy = types.SimpleNamespace(centerlines={ANOMALOUS: short}, meta={})
+    anatomy = _anatomy({ANOMALOUS: short})
     found = pullback(run.mesh, anatomy, cycle)
     assert 0.0 < found.s[-1] < 1.0
-    assert pullback(run.mesh, types.SimpleNamespace(centerlines={}, meta={}), cycle) is None
+    assert pullback(run.mesh, _anatomy({}), cycle) is None

@@ -12,7 +12,7 @@ import types
 import numpy as np
 import pytest
 
-from jaxfsi.anatomy.anatomy import Centerline
+from jaxfsi.anatomy.anatomy import Anatomy, Centerline
 from jaxfsi.fields import Entry, frame_name, write_series
 from jaxfsi.fields.frame import Grid
 from jaxfsi.meshing import tube
@@ -54,6 +54,11 @@ def _written(folder, mesh, more=0.0, moves=1.0, frames=FRAMES):
     return folder / "fields.pvd"
 
 
+def _nothing(points):
+    """Stands for the shape of an anatomy, which has a mesh already."""
+    raise AssertionError(points)
+
+
 def _cycle(inlet, outlet):
     ports = {
         name: PortMeans(mean, mean - PULSE, mean + PULSE, 0.0, 0.0, 0.0)
@@ -69,7 +74,7 @@ def vessel(tmp_path_factory):
     mesh = tube(radius=RADIUS, length=LENGTH, thickness=0.05, n_around=24, n_axial=30, n_layers=1)
     z = np.linspace(0.0, LENGTH, 201)
     line = Centerline(np.stack([0.0 * z, 0.0 * z, z], axis=1), z)
-    anatomy = types.SimpleNamespace(centerlines={ANOMALOUS: line}, meta={})
+    anatomy = Anatomy("tube", *[_nothing] * 4, (), np.zeros((2, 3)), {ANOMALOUS: line})
     runs = []
     # means of all steps, which those of the frames are near and not equal to
     for condition, more, ends in (("rest", -8.0, (100.4, 91.3)), ("exercise", 0.0, (100.7, 75.4))):

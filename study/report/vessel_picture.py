@@ -17,8 +17,7 @@ from PIL import Image
 from study.report.style import COLOURS, GREY, RED, STYLE
 from study.report.vessel_colours import low_end, ratio_colours
 
-_SIZE, _DPI = (8.6, 3.7), 120  # inches, dots an inch
-_COLOURS = 256
+_SIZE, _DPI = (8.6, 3.7), 110  # inches, dots an inch
 _PALE, _PALE_SHARE = (0.93, 0.94, 0.95), 0.72
 """Colour that vessels beside the artery fade to, and how far."""
 
@@ -90,10 +89,8 @@ def lumen_picture(
         figure.suptitle(title, x=0.01, ha="left", fontsize=10.0, fontweight="bold")
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png")
-    image = Image.open(buffer).convert("RGB")
     small = io.BytesIO()
-    palette = Image.Palette.ADAPTIVE
-    image.convert("P", palette=palette, colors=_COLOURS).save(small, format="png", optimize=True)
+    Image.open(buffer).convert("RGB").save(small, format="png", optimize=True)
     return small.getvalue()
 
 

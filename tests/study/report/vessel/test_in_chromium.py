@@ -79,7 +79,7 @@ def test_without_graphics_the_picture_and_the_curves_remain(browser, page_file):
     broken.write_text(text.replace(begin, _NO_WEBGL + begin), encoding="utf-8")
     browser.open(broken.as_uri())
     browser.waited("document.body?.classList.contains('flat') || null")
-    assert browser.value(_display("img.still")) == "block"
+    assert browser.value(_display("section.still")) == "block"
     assert browser.value(_display(".frame")) == "none"
     assert browser.value("document.querySelectorAll('#pullback path').length") > 2
     browser.value("document.getElementById('along').value = 0")

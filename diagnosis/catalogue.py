@@ -7,20 +7,16 @@ range of sizes expected in patients; "assumed" marks a range that rests on no me
 
 import jax.numpy as jnp
 
+from diagnosis.changes import Added, Bell, Scaled
 from diagnosis.circuit import Circuit
 from diagnosis.effects import CRUDE_FORM, GUESSED_FORM, Effect
-from diagnosis.forms import FORMS, P_NARROWING, collateral, compliances, halved, notch, resistances
+from diagnosis.forms import FORMS, LN_2, P_NARROWING, collateral
 from lumped.units import MMHG
 
-BED = ("R_1", "R_2", "R_3")
+OSTIUM, BED = ("R0", "K_known"), ("R_1", "R_2", "R_3")
 
 NOTCH, NOTCH_WIDTH = 0.40, 0.03
 """Time and width of the notch of the aortic waveform [beats]."""
-
-
-def _ostium(c: Circuit, log_factor) -> Circuit:
-    factor = jnp.exp(log_factor)
-    return c._replace(R0=c.R0 * factor, K_known=c.K_known * factor)
 
 
 def _narrowing(c: Circuit, size) -> Circuit:
@@ -32,7 +28,7 @@ _FIRST_FORMS = (
     Effect(
         id="quadratic_loss", place="ostium", unit="mmHg s2/ml2", sd=6.0, one_sided=True,
         tolerance=GUESSED_FORM, nonlinear=True, ridge=True,
-        change=lambda c, size: c._replace(K=c.K + size * MMHG),
+        change=Added("K", MMHG),
         equation="ΔP = R0 Q + φ Q|Q|",
         sentence="the narrow ostium loses pressure with the square of the flow",
         settled_by="the pressure drop at two known flows (CFD or flow wire)",
@@ -49,7 +45,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="proximal_resistance", place="ostium", unit="-", sd=0.5,
-        change=_ostium,
+        change=Scaled(OSTIUM),
         equation="R0 exp(φ)",
         sentence="the proximal vessel's resistance differs from the one computed for it",
         settled_by="a finer CT and the pressure drop computed in it",
@@ -57,7 +53,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="stress_narrowing", place="ostium", unit="-", sd=0.5,
-        change=lambda c, size: _ostium(c, c.stress * size),
+        change=Scaled(OSTIUM, 1.0, "stress"),
         equation="R0 exp(s φ)",
         sentence="the proximal vessel is narrower (or wider) under stress than at rest",
         settled_by="intravascular ultrasound under stress",
@@ -67,7 +63,7 @@ _FIRST_FORMS = (
     Effect(
         id="inertance", place="ostium", unit="mmHg s2/ml", sd=0.08, one_sided=True,
         two_starts=True,
-        change=lambda c, size: c._replace(L=c.L + size * MMHG),
+        change=Added("L", MMHG),
         equation="L dQ/dt, L = φ",
         sentence="the inertia of the blood in the proximal vessel matters",
         settled_by="a flow waveform",
@@ -75,7 +71,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="vasodilation", place="microvasculature", unit="-", sd=0.5,
-        change=resistances(*BED, under="stress"),
+        change=Scaled(BED, -1.0, "stress"),
         equation="R_1, R_2, R_3 exp(−s φ)",
         sentence="the bed dilates more (or less) under stress than the rule says",
         settled_by="flow under stress and at rest",
@@ -84,7 +80,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="adenosine_vasodilation", place="microvasculature", unit="-", sd=0.5,
-        change=resistances(*BED, under="adenosine"),
+        change=Scaled(BED, -1.0, "adenosine"),
         equation="R_1, R_2, R_3 exp(−a φ)",
         sentence="adenosine dilates the bed more (or less) than the rule says",
         settled_by="a second dose of adenosine, or flow under it",
@@ -93,7 +89,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="r1_r3_dilation", place="microvasculature", unit="-", sd=0.7, one_sided=True,
-        change=halved("R_1", "R_3"),
+        change=Scaled(("R_1", "R_3"), -LN_2, "stress"),
         equation="R_1, R_3 2^(−s φ)",
         sentence="arterial and venous resistances dilate under stress as well",
         settled_by="flow waveforms under stress",
@@ -103,7 +99,7 @@ _FIRST_FORMS = (
     Effect(
         id="autoregulation", place="microvasculature", unit="-", sd=1.0, one_sided=True,
         tolerance=GUESSED_FORM,
-        change=lambda c, size: c._replace(autoregulation=c.autoregulation + size),
+        change=Added("autoregulation"),
         equation="R_2 exp(φ (mean P_2 − 70)/70)",
         sentence="microvessels constrict where their pressure rises",
         settled_by="one more level of aortic pressure",
@@ -111,7 +107,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="stress_compliance", place="microvasculature", unit="-", sd=0.6,
-        change=compliances("C_a", "C_im"),
+        change=Scaled(("C_a", "C_im"), 1.0, "stress"),
         equation="C_a, C_im exp(s φ)",
         sentence="compliances change under stress otherwise than the rule says",
         settled_by="flow waveforms under stress",
@@ -121,7 +117,7 @@ _FIRST_FORMS = (
         id="back_pressure", place="microvasculature", unit="mmHg", sd=10.0, one_sided=True,
         two_starts=True,
         tolerance=GUESSED_FORM,
-        change=lambda c, size: c._replace(P_venous=c.P_venous + size * MMHG),
+        change=Added("P_venous", MMHG),
         equation="P_venous = φ",
         sentence="flow stops at a pressure above zero",
         settled_by="right atrial or wedge pressure",
@@ -158,7 +154,7 @@ _FIRST_FORMS = (
         id="wall_viscoelasticity", place="wall", unit="s", sd=0.03, one_sided=True,
         two_starts=True,
         tolerance=GUESSED_FORM,
-        change=lambda c, size: c._replace(wall_time=c.wall_time + size),
+        change=Added("wall_time"),
         equation="C_a (e + (1 − e)/(1 + iωφ)), e = 0.5",
         sentence="the arterial wall is viscous as well as elastic",
         settled_by="a flow waveform",
@@ -176,7 +172,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="sensor_height", place="sensor", unit="mmHg", sd=4.0,
-        change=lambda c, size: c._replace(distal_offset=c.distal_offset + size * MMHG),
+        change=Added("distal_offset", MMHG),
         equation="P_distal + φ",
         sentence="the wire's sensor lies higher (or lower) than the aorta",
         settled_by="the sensor's height on CT",
@@ -194,7 +190,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="aortic_zero_error", place="sensor", unit="mmHg", sd=4.0,
-        change=lambda c, size: c._replace(aortic_offset=c.aortic_offset + size * MMHG),
+        change=Added("aortic_offset", MMHG),
         equation="P_aorta + φ",
         sentence="the aortic transducer's zero is off",
         settled_by="zeroing again, and an equalisation check",
@@ -203,7 +199,7 @@ _FIRST_FORMS = (
     Effect(
         id="catheter_damping", place="sensor", unit="s", sd=0.015, one_sided=True,
         tolerance=CRUDE_FORM,
-        change=lambda c, size: c._replace(aortic_lag=c.aortic_lag + size),
+        change=Added("aortic_lag"),
         equation="τ dP_seen/dt + P_seen = P_aorta, τ = φ",
         sentence="the fluid-filled catheter smooths the aortic trace",
         settled_by="a flush test",
@@ -213,7 +209,7 @@ _FIRST_FORMS = (
     Effect(
         id="distal_damping", place="sensor", unit="s", sd=0.015, one_sided=True,
         tolerance=CRUDE_FORM,
-        change=lambda c, size: c._replace(distal_lag=c.distal_lag + size),
+        change=Added("distal_lag"),
         equation="τ dP_seen/dt + P_seen = P_distal, τ = φ",
         sentence="the distal trace is smoothed",
         settled_by="a flush test, or both sensors in one place",
@@ -222,7 +218,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="signal_delay", place="sensor", unit="s", sd=0.02,
-        change=lambda c, size: c._replace(distal_delay=c.distal_delay + size),
+        change=Added("distal_delay"),
         equation="P_distal(t − φ)",
         sentence="the distal trace is shifted in time against the aortic one",
         settled_by="both sensors in one place, or a flush test",
@@ -231,7 +227,7 @@ _FIRST_FORMS = (
     Effect(
         id="aortic_waveform", place="inlet", unit="mmHg", sd=5.0,
         tolerance=CRUDE_FORM,
-        change=notch(NOTCH, NOTCH_WIDTH),
+        change=Bell(NOTCH, NOTCH_WIDTH),
         equation="P_aorta + φ exp(−(t/T − 0.40)²/(2·0.03²))",
         sentence="the aortic pressure has a notch that the assumed waveform lacks",
         settled_by="nothing more: the aortic trace shows it",

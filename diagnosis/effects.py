@@ -28,12 +28,13 @@ so that sd is its root mean square; a one-sided effect has its positive half (mo
 & Rossell 2010, J R Stat Soc B 72:143). Fits use N(0, s²); evidences have the factor E[φ²]/s².
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from diagnosis.changes import Change, changed
 from diagnosis.circuit import Circuit
 
 Place = Literal["ostium", "wall", "microvasculature", "pump", "inlet", "sensor"]
@@ -64,7 +65,7 @@ class Form(NamedTuple):
 
     name: str
     equation: str
-    change: Callable[[Circuit, Float[Array, ""]], Circuit]
+    change: Change
 
 
 class Effect(NamedTuple):
@@ -75,8 +76,8 @@ class Effect(NamedTuple):
         place: where it acts.
         unit: clinical unit of its size.
         sd: root mean square of the size a priori [unit].
-        change: the circuit, which is in CGS, with this effect at a size in its unit; size 0 must
-            change nothing.
+        change: the circuit, which is in CGS, with this effect at a size in its unit: a function,
+            or one of `changes`; size 0 must change nothing.
         equation: the equation that it adds or changes, in one line.
         sentence: plain-language meaning, beginning in lower case.
         settled_by: the measurement that would confirm or exclude it.
@@ -103,7 +104,7 @@ class Effect(NamedTuple):
     place: Place
     unit: str
     sd: float
-    change: Callable[[Circuit, Float[Array, ""]], Circuit]
+    change: Change
     equation: str
     sentence: str
     settled_by: str
@@ -127,9 +128,7 @@ def apply_effects(
         effects: the effects, in the order of the sizes.
         sizes: size of each [its unit]; zero changes nothing.
     """
-    for k, effect in enumerate(effects):
-        circuit = effect.change(circuit, sizes[k])
-    return circuit
+    return changed(circuit, [effect.change for effect in effects], sizes)
 
 
 def bounded_size(scale: Array, one_sided: Array, x: Array) -> Array:

@@ -10,9 +10,10 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from diagnosis.circuit import PHASE, Circuit, harmonics, samples
+from diagnosis.changes import Added, Bell, Change, Scaled
+from diagnosis.circuit import Circuit, harmonics, samples
 from diagnosis.effects import Form
 from diagnosis.resolution import HARMONICS
 from lumped.units import MMHG
@@ -32,43 +33,7 @@ SQUEEZE_DELAY = 0.08
 UNDERDAMPED, DAMPED = 0.25, 0.7
 """Damping ratios of fluid-filled catheters: 0.07 to 0.7."""
 
-Change = Callable[[Circuit, Float[Array, ""]], Circuit]
-
-
-def resistances(*names: str, under: str | None = None) -> Change:
-    """Some resistances of the bed times exp(−φ), where the condition is one of `under`."""
-
-    def change(c: Circuit, size: Array) -> Circuit:
-        share = 1.0 if under is None else getattr(c, under)
-        factor = jnp.exp(-share * size)
-        return c._replace(**{name: getattr(c, name) * factor for name in names})
-
-    return change
-
-
-def halved(*names: str) -> Change:
-    """Some resistances of the bed times 2^(−s φ)."""
-
-    def change(c: Circuit, size: Array) -> Circuit:
-        factor = jnp.exp2(-c.stress * size)
-        return c._replace(**{name: getattr(c, name) * factor for name in names})
-
-    return change
-
-
-def compliances(*names: str) -> Change:
-    """Some compliances times exp(s φ)."""
-
-    def change(c: Circuit, size: Array) -> Circuit:
-        factor = jnp.exp(c.stress * size)
-        return c._replace(**{name: getattr(c, name) * factor for name in names})
-
-    return change
-
-
-def added(name: str, unit: float = 1.0) -> Change:
-    """A size [unit] added to a number of the circuit."""
-    return lambda c, size: c._replace(**{name: getattr(c, name) + size * unit})
+LN_2 = float(np.log(2.0))
 
 
 def collateral(name: str) -> Change:
@@ -79,19 +44,6 @@ def collateral(name: str) -> Change:
         return c._replace(**{name: getattr(c, name) + G})
 
     return change
-
-
-def notch(time: float, width: float) -> Change:
-    """A bell of φ mmHg added to the aortic pressure at a time, both in beats."""
-    bell = np.exp(-0.5 * ((PHASE - time) / width) ** 2)
-    return lambda c, size: c._replace(P_inlet=c.P_inlet + size * MMHG * bell)
-
-
-def incisura(time: float, width: float) -> Change:
-    """A dip of the aortic pressure by φ mmHg, then a rebound, at a time and of a width in beats."""
-    x = (PHASE - time) / width
-    wave = x * np.exp(0.5 * (1.0 - x**2))
-    return lambda c, size: c._replace(P_inlet=c.P_inlet + size * MMHG * wave)
 
 
 def lagged_narrowing(c: Circuit, size: Array) -> Circuit:
@@ -108,12 +60,6 @@ def tube_narrowing(c: Circuit, size: Array) -> Circuit:
     """Narrowing of a tube whose area saturates, with a resistance as area to the power −2."""
     area = 1.0 - 0.5 * jnp.tanh(size * (c.P_inlet - P_NARROWING) / P_NARROWING)
     return c._replace(R0_wave=c.R0_wave * area**-2.0)
-
-
-def dobutamine_narrowing(c: Circuit, size: Array) -> Circuit:
-    """A vessel that is narrower under dobutamine alone."""
-    factor = jnp.exp(c.dobutamine * size)
-    return c._replace(R0=c.R0 * factor, K_known=c.K_known * factor)
 
 
 def late_squeeze(c: Circuit, size: Array) -> Circuit:
@@ -162,26 +108,26 @@ def resonance(sensor: str, damping: float) -> Change:
 
 FORMS: dict[str, tuple[Form, ...]] = {
     "quadratic_loss": (
-        Form("turbulent friction", "ΔP = R0 Q + φ Q|Q|^0.75", added("K_turbulent", MMHG)),
+        Form("turbulent friction", "ΔP = R0 Q + φ Q|Q|^0.75", Added("K_turbulent", MMHG)),
     ),
     "dynamic_narrowing": (
         Form("lagging", "R0 exp(φ (P̂_aorta − 80)/80), lag 60 ms", lagged_narrowing),
         Form("tube law", "R0 (1 − ½ tanh(φ (P_aorta − 80)/80))⁻²", tube_narrowing),
     ),
     "stress_narrowing": (
-        Form("dobutamine alone", "R0 exp(d φ)", dobutamine_narrowing),
+        Form("dobutamine alone", "R0 exp(d φ)", Scaled(("R0", "K_known"), 1.0, "dobutamine")),
     ),
     "vasodilation": (
-        Form("R_2 alone", "R_2 exp(−s φ)", resistances("R_2", under="stress")),
-        Form("R_1 and R_2", "R_1, R_2 exp(−s φ)", resistances("R_1", "R_2", under="stress")),
+        Form("R_2 alone", "R_2 exp(−s φ)", Scaled(("R_2",), -1.0, "stress")),
+        Form("R_1 and R_2", "R_1, R_2 exp(−s φ)", Scaled(("R_1", "R_2",), -1.0, "stress")),
     ),
     "adenosine_vasodilation": (
-        Form("R_2 alone", "R_2 exp(−a φ)", resistances("R_2", under="adenosine")),
-        Form("R_1 and R_2", "R_1, R_2 exp(−a φ)", resistances("R_1", "R_2", under="adenosine")),
+        Form("R_2 alone", "R_2 exp(−a φ)", Scaled(("R_2",), -1.0, "adenosine")),
+        Form("R_1 and R_2", "R_1, R_2 exp(−a φ)", Scaled(("R_1", "R_2",), -1.0, "adenosine")),
     ),
     "r1_r3_dilation": (
-        Form("R_1 alone", "R_1 2^(−s φ)", halved("R_1")),
-        Form("R_3 alone", "R_3 2^(−s φ)", halved("R_3")),
+        Form("R_1 alone", "R_1 2^(−s φ)", Scaled(("R_1",), -LN_2, "stress")),
+        Form("R_3 alone", "R_3 2^(−s φ)", Scaled(("R_3",), -LN_2, "stress")),
     ),
     "autoregulation": (
         Form("by aortic pressure", "R_2 exp(φ (P̄_aorta − 85)/85)", aortic_regulation("R_2")),
@@ -191,8 +137,8 @@ FORMS: dict[str, tuple[Form, ...]] = {
         ),
     ),
     "stress_compliance": (
-        Form("C_a alone", "C_a exp(s φ)", compliances("C_a")),
-        Form("C_im alone", "C_im exp(s φ)", compliances("C_im")),
+        Form("C_a alone", "C_a exp(s φ)", Scaled(("C_a",), 1.0, "stress")),
+        Form("C_im alone", "C_im exp(s φ)", Scaled(("C_im",), 1.0, "stress")),
     ),
     "collateral_flow": (
         Form(
@@ -205,7 +151,7 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("late", "P_LV(t − φ 80 ms)", late_squeeze),
     ),
     "wall_viscoelasticity": (
-        Form("Voigt", "C_a/(1 + iωφ)", added("whole_wall_time")),
+        Form("Voigt", "C_a/(1 + iωφ)", Added("whole_wall_time")),
     ),
     "wire_drift": (
         Form("slowing down", "P_distal + √k φ", drift(lambda k: jnp.sqrt(jnp.maximum(k, 0.0)))),
@@ -225,15 +171,15 @@ FORMS: dict[str, tuple[Form, ...]] = {
     ),
     "signal_delay": (
         Form("of the aortic trace", "P_aorta(t + φ)",
-             lambda c, size: c._replace(aortic_delay=c.aortic_delay - size)),
+             Added("aortic_delay", -1.0)),
     ),
     "aortic_waveform": (
-        Form("early", "bell at 0.33 beats", notch(0.33, 0.03)),
-        Form("late", "bell at 0.47 beats", notch(0.47, 0.03)),
-        Form("broad", "bell of width 0.08 beats at 0.3", notch(0.30, 0.08)),
-        Form("narrow", "bell of width 0.015 beats", notch(0.40, 0.015)),
-        Form("incisura", "dip and rebound at 0.4 beats", incisura(0.40, 0.03)),
-        Form("diastolic wave", "bell of width 0.06 beats at 0.55", notch(0.55, 0.06)),
+        Form("early", "bell at 0.33 beats", Bell(0.33, 0.03)),
+        Form("late", "bell at 0.47 beats", Bell(0.47, 0.03)),
+        Form("broad", "bell of width 0.08 beats at 0.3", Bell(0.30, 0.08)),
+        Form("narrow", "bell of width 0.015 beats", Bell(0.40, 0.015)),
+        Form("incisura", "dip and rebound at 0.4 beats", Bell(0.40, 0.03, rebound=True)),
+        Form("diastolic wave", "bell of width 0.06 beats at 0.55", Bell(0.55, 0.06)),
     ),
 }  # fmt: skip
 """Further forms by id of the effect."""

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 from study.case.advice import nearest
+from study.case.catheter.columns import column_map
 from study.report.documents import document_kinds
 from study.store.options import AlphaRange
 from study.store.result_files import MESH_FORMATS as FORMATS
@@ -64,6 +65,26 @@ def document_kind(text: str) -> str:
     known = f"choose from {', '.join(document_kinds())}"
     cure = known if close is None else f"try {close}, or {known}"
     raise argparse.ArgumentTypeError(f"there is no kind of result {text!r}; {cure}")
+
+
+def columns(text: str) -> dict[str, str]:
+    """`time=0,aortic=2,distal=4` as the column of each role."""
+    try:
+        return column_map(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{error}; try time=0,aortic=2,distal=4") from None
+
+
+def span(text: str) -> tuple[str, float, float]:
+    """`NAME=FROM:TO` as a name and two times."""
+    name, _, times = text.partition("=")
+    try:
+        low, high = (float(part) for part in times.split(":"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME=FROM:TO; try rest=10:40") from None
+    if not (name and math.isfinite(low) and low < high < math.inf):
+        raise argparse.ArgumentTypeError(f"{text!r} must name a condition and rising times")
+    return name, low, high
 
 
 def alpha_range(text: str) -> AlphaRange:

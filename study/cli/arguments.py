@@ -6,18 +6,21 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from diagnosis.richness import RICHNESS
+from study.case.catheter.units import PRESSURE_UNITS, TIME_UNITS
 from study.case.parameters import MeshOptions, SolverOptions
 from study.case.schema import Quantity, Word, keys_of
 from study.cli.argument_values import (
     alpha_range,
+    columns,
     count,
     document_kind,
     formats,
     names,
     positive,
+    span,
 )
 from study.cli.help_texts import DESCRIPTION, EPILOG, HELP
-from study.cli.request import Request, ShowOptions, TemplateOptions
+from study.cli.request import ImportOptions, Request, ShowOptions, TemplateOptions
 from study.report.documents import document_kinds
 from study.run.limits import MOST_DRAWN
 from study.store.numerics import installed
@@ -38,6 +41,7 @@ _OPTIONS: dict[str, type[Options]] = {
     "cohort": CohortOptions,
     "diagnose": DiagnoseOptions,
     "plan-measurement": PlanOptions,
+    "import-record": ImportOptions,
     "show": ShowOptions,
     "template": TemplateOptions,
 }
@@ -86,6 +90,7 @@ def parse(argv: Sequence[str]) -> Request[Options]:
     _study_arguments(parsers["study"])
     _run_arguments(parsers["run"])
     _record_arguments(parsers)
+    _import_arguments(parsers["import-record"])
     parsers["template"].add_argument(
         "--record", action="store_true", help="a measured record, with an example of its traces"
     )
@@ -99,6 +104,8 @@ def parse(argv: Sequence[str]) -> Request[Options]:
             where += " (default: CASE-results beside the case; ./results for --demo)"
         if name in _ON_RECORDS:
             where += " (default: RECORD-results beside the record)"
+        if name == "import-record":
+            where += " (default: ID-record beside the first file)"
         command.add_argument("--out", type=pathlib.Path, metavar="DIR", help=where)
         command.add_argument("--json", action="store_true", help="print one JSON object, only")
     given = list(argv)
@@ -139,6 +146,40 @@ def _record_arguments(parsers: Mapping[str, argparse.ArgumentParser]) -> None:
         help="measure the gap in 3D as well, in these conditions (default: all), with the mesh of "
         "the finished study of --case",
     )
+
+
+def _import_arguments(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "files",
+        nargs="+",
+        metavar="FILE",
+        help="export of one condition, in the order of measurement; NAME=FILE where its name does "
+        "not say it",
+    )
+    command.add_argument(
+        "--columns",
+        type=columns,
+        metavar="MAP",
+        help="columns by number, from 0, or name: time=0,aortic=2,distal=4 (and flow, in mL/min); "
+        "default: by their names",
+    )
+    command.add_argument(
+        "--unit", choices=tuple(PRESSURE_UNITS), help="of pressures; default: as the header says"
+    )
+    command.add_argument(
+        "--time-unit", choices=tuple(TIME_UNITS), help="of times; default: as the header says"
+    )
+    command.add_argument(
+        "--rate", type=positive(2e4), metavar="HZ", help="samples a second, without a time column"
+    )
+    command.add_argument(
+        "--span",
+        nargs="+",
+        type=span,
+        metavar="NAME=FROM:TO",
+        help="use these seconds of a condition alone",
+    )
+    command.add_argument("--id", metavar="NAME", help="of the patient; default: from the files")
 
 
 def _wall_arguments(command: argparse.ArgumentParser) -> None:

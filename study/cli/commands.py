@@ -14,6 +14,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from study.case import json_schema
+from study.case.catheter.columns import ExportFormat
+from study.case.catheter.exports import read_exports
 from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
 from study.case.model import require
@@ -29,7 +31,7 @@ from study.case.template import (
 from study.cli.arguments import parse
 from study.cli.command_output import Answer, note, note_written
 from study.cli.entry import Signals
-from study.cli.request import Request, ShowOptions, TemplateOptions
+from study.cli.request import ImportOptions, Request, ShowOptions, TemplateOptions
 from study.report.documents import schema_text
 from study.report.summary import summary
 from study.run.members import find_members
@@ -166,6 +168,18 @@ def _record(request: Request[RecordOptions]) -> tuple[Any, ...]:
     return record, remarks, check_folder(folder)
 
 
+def _catheter(request: Request[ImportOptions]) -> tuple[Any, ...]:
+    """The catheter files with their beats, and the checked folder for the record."""
+    options = request.options
+    given = ExportFormat(options.columns or {}, options.unit, options.time_unit, options.rate)
+    spans = {name: (low, high) for name, low, high in options.span or ()}
+    found = read_exports(options.files, given, spans, options.id)
+    folder = request.out or found.folder / f"{found.patient}-record"
+    if (folder / RECORD_FILE).exists():
+        raise OutputRefused(f"{folder / RECORD_FILE}: exists already. Name another --out.")
+    return found, check_folder(folder)
+
+
 def _stored(request: Request[ShowOptions]) -> tuple[Any, ...]:
     """A stored result."""
     result = request.options.result
@@ -238,5 +252,6 @@ _COMMANDS = {
     "cohort": _Command(_cohort, "study.cli.cohort_command", "cohort_command"),
     "diagnose": _Command(_record, "study.cli.record_command", "diagnose_command"),
     "plan-measurement": _Command(_record, "study.cli.record_command", "plan_command"),
+    "import-record": _Command(_catheter, "study.cli.import_command", "import_command"),
     "show": _Command(_stored, "study.cli.show_command", "show_command"),
 }

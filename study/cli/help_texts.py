@@ -139,6 +139,22 @@ then compared. With --in-3d every condition is run in the FSI model too, as cali
 named effect; the runs are kept in in-3d/, and the command given again goes on where it was ended.
 """,
     ),
+    "import-record": (
+        "make a record, and conditions of a case, of catheter files with many beats",
+        """\
+examples:
+  jaxfsi import-record p7_rest.csv p7_ade.csv p7_dobu.csv --out p7
+  jaxfsi import-record rest=export1.txt dobutamine=export2.txt --columns time=0,aortic=2,distal=4
+  jaxfsi import-record p7_rest.csv --unit kPa --span rest=20:50
+  jaxfsi import-record p7_rest.csv p7_dobu.csv p7_equal.csv    wire beside the catheter at the end
+
+FILE is text as the console exports it: any separator, decimal commas, header lines. Its name says
+the condition (..._rest, ..._ade, ..._dobu, ..._equal). Beats are found in the aortic pressure;
+extrasystoles and damaged beats are left out. Writes record.toml and a CSV file of whole beats for
+each condition (for diagnose), conditions.toml and mean beats (for a case file), and beats.png,
+which shows what was used and what was left out. docs/files.md says more.
+""",
+    ),
     "plan-measurement": (
         "say which measurement would tell the likely causes apart",
         """\

@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+from collections.abc import Mapping
 from typing import Generic, TypeVar
 
 from study.store.options import Options
@@ -41,6 +42,29 @@ class ShowOptions(Options):
     result: pathlib.Path | None
     schema: str | None = None
     beside: tuple[pathlib.Path, ...] = ()
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImportOptions(Options):
+    """Options of `import-record`.
+
+    Attributes:
+        files: `FILE` or `NAME=FILE` of each condition, in the order of measurement.
+        columns: column of each role; None: recognised by name.
+        unit: of the pressures; None: as the header says, else mmHg.
+        time_unit: of the times; None: as the header says, else s.
+        rate: samples a second where no column gives times [1/s].
+        span: name of a condition, and the times that are used of it [s].
+        id: of the patient; None: what the names of the files say.
+    """
+
+    files: tuple[str, ...]
+    columns: Mapping[str, str] | None = None
+    unit: str | None = None
+    time_unit: str | None = None
+    rate: float | None = None
+    span: tuple[tuple[str, float, float], ...] | None = None
+    id: str | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

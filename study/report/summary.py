@@ -23,6 +23,7 @@ def summary(document: Document) -> str:
         "cohort": _cohort,
         "diagnose": _diagnosis,
         "plan": _plan,
+        "import": _imported,
     }[document["kind"]]
     return "\n".join(lines(document)) + "\n"
 
@@ -59,6 +60,25 @@ def _plan(document: Document) -> Iterator[str]:
         yield from help_words(entry)
     for name, row in document["sensors"].items():
         yield f"{name}: {len(row['isolable'])} effects could be told, {', '.join(row['isolable'])}"
+
+
+def _imported(document: Document) -> Iterator[str]:
+    yield f"{document['id']}"
+    yield f"{'condition':<16}{'beats':>9}{'period s':>10}{'P aorta':>14}{'distal':>8}{'ratio':>8}"
+    for c in document["conditions"]:
+        beats = f"{c['beats_used']}/{c['beats_found']}"
+        pressures = f"{c['P_systolic_mmHg']:.0f}/{c['P_diastolic_mmHg']:.0f}"
+        pressures += f" ({c['mean_P_aorta_mmHg']:.1f})"
+        yield (
+            f"{c['name'][:15]:<16}{beats:>9}{c['period_s']:>10.3f}{pressures:>14}"
+            f"{c['mean_P_distal_mmHg']:>8.1f}{c['ratio']:>8.3f}"
+        )
+    for c in document["conditions"]:
+        yield ""
+        yield from (f"{c['name']}: {remark}" for remark in c["remarks"])
+    if document["drift"]:
+        yield ""
+        yield f"! {document['drift']['sentence']}"
 
 
 def _next(document: Document) -> Iterator[str]:

@@ -106,7 +106,7 @@ PARTS: dict[str, tuple[str, ...]] = {
 
 WITHOUT_NUMBERS: tuple[str, ...] = (
     "diagnosis/*", "study/run/diagnosis*", "study/case/beat_folding.py", "study/case/onsets.py",
-    "study/case/record*",  # a diagnosis is computed anew each time
+    "study/case/catheter/*", "study/case/record*",  # a diagnosis is computed anew each time
     "jaxfsi/verification/*", "lumped/lazy_package.py", "lumped/svzerod*", "lumped/verification.py",
     "lumped/whole_files.py",
     "study/case/advice.py", "study/case/demo.py", "study/case/faults.py",
@@ -115,7 +115,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/cli/*",
     "study/report/*_figures.py", "study/report/*_report.py", "study/report/agreement.py",
     "study/report/chosen_laws.py", "study/report/cohort_*",
-    "study/report/diagnosis_*", "study/report/figures.py",
+    "study/report/diagnosis_*", "study/report/figures.py", "study/report/imported_results.py",
     "study/report/sweep_figure.py", "study/report/documents/*", "study/report/mesh_results.py",
     "study/report/number_formats.py", "study/report/older_parts.py", "study/report/page.py",
     "study/report/parameter_names.py",

@@ -34,6 +34,7 @@ print(status, [name for name in {HEAVY} if name in sys.modules], file=sys.stderr
         (("study", "missing.toml"), 2),
         (("cohort", "."), 2),
         (("diagnose", "bad.toml"), 2),
+        (("import-record", "missing_rest.csv"), 2),
         (("show", "plan.json"), 0),
         (("show", "missing"), 2),
         (("show", "--schema", "study"), 0),

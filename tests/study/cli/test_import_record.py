@@ -1,0 +1,134 @@
+"""`import-record`: files of every console become a record, or one sentence says why not."""
+
+import json
+import pathlib
+import tomllib
+
+import numpy as np
+import pytest
+
+from study import read_case
+from study.case.record import read_record
+from tests.study.catheter_minutes import KEPT, REFUSED, export, minute
+
+MMHG = 1333.22
+
+
+def _written(folder: pathlib.Path, name: str, text: str) -> pathlib.Path:
+    path = folder / name
+    path.write_bytes(text.encode())
+    return path
+
+
+@pytest.fixture(scope="module")
+def text() -> str:
+    return export(minute(0).columns)
+
+
+@pytest.mark.parametrize("kind", KEPT)
+def test_record_of_an_unusual_or_damaged_file(command, tmp_path, text, kind):
+    path = _written(tmp_path, "p_rest.csv", KEPT[kind](text))
+    ended = command("import-record", path, "--json", folder=tmp_path / "out")
+    assert ended.status == 0, ended.stderr
+    record, _ = read_record(tmp_path / "out")
+    (c,) = record.conditions
+    truth = minute(0)
+    assert c.period == pytest.approx(truth.period, rel=0.01)
+    assert c.mean_P_aorta / MMHG == pytest.approx(truth.mean["P_aorta"], abs=0.4)
+    drift = 1.5 if kind == "drift" else 0.0
+    assert c.mean_P_distal / MMHG == pytest.approx(truth.mean["P_distal"] + drift, abs=0.4)
+    assert len(c.beats["P_aorta"]) > 30
+    assert (tmp_path / "out" / "beats.png").read_bytes()[:4] == b"\x89PNG"
+    assert json.loads(ended.stdout)["conditions"][0]["beats_used"] > 30
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_one_sentence_refuses_a_file_of_no_use_and_nothing_is_written(
+    command, tmp_path, text, kind
+):
+    damage, word = REFUSED[kind]
+    path = _written(tmp_path, "p_rest.csv", damage(text))
+    ended = command("import-record", path, folder=tmp_path / "out")
+    assert ended.status == 2, ended.stdout
+    assert word in ended.stderr
+    assert ended.stderr.startswith("the input was refused: 1 fault\n")
+    assert ended.stderr.count("\n") == 3
+    assert not (tmp_path / "out").exists()
+
+
+def test_unit_and_columns_of_the_command_line_mend_what_was_refused(command, tmp_path, text):
+    path = _written(tmp_path, "p.csv", REFUSED["kPa"][0](text).split("\n", 1)[1])
+    columns = "time=0,aortic=1,distal=2"
+    ended = command(
+        "import-record", f"rest={path}", "--unit", "kPa", "--columns", columns, "--span",
+        "rest=10:50", "--id", "child-7", folder=tmp_path / "out",
+    )  # fmt: skip
+    assert ended.status == 0, ended.stderr
+    record, _ = read_record(tmp_path / "out")
+    assert record.id == "child-7"
+    assert record.conditions[0].mean_P_aorta / MMHG == pytest.approx(
+        minute(0).mean["P_aorta"], abs=0.6
+    )
+
+
+def test_three_conditions_and_a_check_of_the_wire(command, tmp_path):
+    files = []
+    for k, (name, ratio, period) in enumerate(
+        [("rest", 0.92, 0.8), ("ade", 0.86, 0.7), ("dobu", 0.82, 0.5), ("equal", 1.0, 0.7)]
+    ):
+        columns = minute(k, ratio=ratio, period=period, seconds=40.0).columns
+        if name == "equal":
+            columns["p_distal"] += 2.0
+        files.append(_written(tmp_path, f"p7_{name}.csv", export(columns)))
+    ended = command("import-record", *files, folder=tmp_path / "out")
+    assert ended.status == 0, ended.stderr
+    assert "The wire reads +" in ended.stdout
+    record, _ = read_record(tmp_path / "out")
+    assert record.id == "p7"
+    assert [c.name for c in record.conditions] == ["rest", "adenosine", "dobutamine"]
+    assert [c.order for c in record.conditions] == [0, 1, 2]
+    assert record.pressure_offset_sd / MMHG == pytest.approx(2.0, abs=0.3)
+    for c, ratio in zip(record.conditions, (0.92, 0.86, 0.82), strict=True):
+        assert c.ffr == pytest.approx(ratio, abs=0.005)
+        assert c.folding is not None
+    tables = tomllib.loads((tmp_path / "out" / "conditions.toml").read_text())
+    assert list(tables["condition"]) == ["rest", "adenosine", "dobutamine"]
+
+
+def test_conditions_stand_in_a_case_file(command, tmp_path, text):
+    path = _written(tmp_path, "p_rest.csv", text)
+    assert command("import-record", path, folder=tmp_path / "out").status == 0
+    conditions = (tmp_path / "out" / "conditions.toml").read_text()
+    case = tmp_path / "out" / "case.toml"
+    case.write_text(f'[patient]\nid = "p"\n[surrogate]\nR0_mmHg_s_per_ml = 3.0\n{conditions}')
+    rest = read_case(case).conditions["rest"]
+    assert rest.ffr == pytest.approx(0.9, abs=0.01)
+    assert rest.waveform is not None
+    P = np.array(rest.waveform.P_aorta) / MMHG
+    assert P.argmin() in (0, 1, P.size - 1, P.size - 2)
+    assert P.mean() == pytest.approx(minute(0).mean["P_aorta"], abs=0.6)
+
+
+def test_a_record_that_is_there_is_not_replaced(command, tmp_path, text):
+    path = _written(tmp_path, "p_rest.csv", text)
+    folder = tmp_path / "out"
+    assert command("import-record", path, folder=folder).status == 0
+    before = (folder / "record.toml").read_bytes()
+    ended = command("import-record", path, folder=folder)
+    assert ended.status == 2
+    assert "exists already" in ended.stderr
+    assert (folder / "record.toml").read_bytes() == before
+
+
+def test_faults_of_several_files_are_told_together(command, tmp_path, text):
+    good = _written(tmp_path, "p_rest.csv", text)
+    bad = [
+        _written(tmp_path, f"p_{name}.csv", REFUSED[kind][0](text))
+        for name, kind in (("ade", "constant"), ("dobu", "empty"))
+    ]
+    ended = command("import-record", good, *bad, folder=tmp_path / "out")
+    assert ended.status == 2
+    assert "2 faults" in ended.stderr
+    missing = command("import-record", tmp_path / "none_rest.csv", folder=tmp_path / "out")
+    assert missing.status == 2
+    assert "No such file" in missing.stderr

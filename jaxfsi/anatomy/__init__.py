@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         surface_outline,
         surface_section,
     )
+    from jaxfsi.anatomy.sources.centerline_files import longest_line, read_centerline
     from jaxfsi.anatomy.sources.cohort import (
         PUBLISHED,
         Measures,
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
         sample_anatomies,
         sample_measures,
     )
-    from jaxfsi.anatomy.sources.ct_course import AortaFit, fit_aorta, read_centerline
+    from jaxfsi.anatomy.sources.ct_course import AortaFit, fit_aorta
     from jaxfsi.anatomy.sources.ivus import IvusOptions, ivus_anatomy
     from jaxfsi.anatomy.sources.parameters import (
         PARAMETER_RANGES,

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from jaxfsi.mesh_files.lengths import UNITS_CM, Unit, check_extent, check_unit
     from jaxfsi.mesh_files.mesh_complete import read_mesh_complete, write_mesh_complete
     from jaxfsi.mesh_files.msh import read_msh, write_msh
+    from jaxfsi.mesh_files.polylines import PolylineFile, read_polylines, write_polylines
     from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
     from jaxfsi.mesh_files.vtp import TriangleFile, read_vtp, write_vtp
     from jaxfsi.mesh_files.vtu import read_vtu, write_vtu

@@ -72,9 +72,9 @@ def _piece(file: VtkXml, piece: ET.Element, path: pathlib.Path) -> TriangleFile:
         raise MeshFileError(
             f"{path} holds triangle strips. Save plain triangles (in ParaView: Triangulate)."
         )
-    points = _array_in(file, piece, "Points", None).astype(float).reshape(-1, 3)
-    connectivity = _array_in(file, piece, "Polys", "connectivity").astype(np.int64)
-    offsets = _array_in(file, piece, "Polys", "offsets").astype(np.int64)
+    points = array_in(file, piece, "Points", None).astype(float).reshape(-1, 3)
+    connectivity = array_in(file, piece, "Polys", "connectivity").astype(np.int64)
+    offsets = array_in(file, piece, "Polys", "offsets").astype(np.int64)
     if len(points) != count["Points"] or len(offsets) != count["Polys"]:
         raise Malformed(
             f"{len(points)} of {count['Points']} points and {len(offsets)} of {count['Polys']}"
@@ -87,10 +87,10 @@ def _piece(file: VtkXml, piece: ET.Element, path: pathlib.Path) -> TriangleFile:
     if connectivity.size and not 0 <= connectivity.min() <= connectivity.max() < len(points):
         raise Malformed("triangles name points that are not there")
     first = count["Verts"] + count["Lines"]
-    cells = _data_in(file, piece, "CellData")
+    cells = data_in(file, piece, "CellData")
     n_cells = first + len(offsets)
     for where, data, size in (
-        ("points", point_data := _data_in(file, piece, "PointData"), len(points)),
+        ("points", point_data := data_in(file, piece, "PointData"), len(points)),
         ("cells", cells, n_cells),
     ):
         short = [name for name, values in data.items() if len(values) != size]
@@ -100,16 +100,22 @@ def _piece(file: VtkXml, piece: ET.Element, path: pathlib.Path) -> TriangleFile:
     return TriangleFile(points, connectivity.reshape(-1, 3), point_data, cell_data)
 
 
-def _array_in(file: VtkXml, piece: ET.Element, section: str, name: str | None) -> np.ndarray:
+def array_in(file: VtkXml, piece: ET.Element, section: str, name: str | None) -> np.ndarray:
+    """An array of a piece; None: the first of the section. Cells that are not there are none.
+
+    Raises:
+        Malformed: there is no such array.
+    """
     for element in piece.iterfind(f"{section}/DataArray"):
         if name is None or element.get("Name") == name:
             return read_array(file, element)
-    if section == "Polys":
+    if section in _CELL_KINDS:
         return np.zeros(0, dtype=np.int64)
     raise Malformed(f"{section} are missing")
 
 
-def _data_in(file: VtkXml, piece: ET.Element, section: str) -> dict[str, np.ndarray]:
+def data_in(file: VtkXml, piece: ET.Element, section: str) -> dict[str, np.ndarray]:
+    """All arrays of numbers of a section of a piece, by name."""
     return {
         element.get("Name", ""): read_array(file, element)
         for element in piece.iterfind(f"{section}/DataArray")

@@ -68,7 +68,7 @@ class IvusAnatomy:
     centerline: Annotated[
         pathlib.Path | None,
         Location(
-            described="file of the CT centre line, x, y, z in mm",
+            described="file of the CT centre line, x, y, z in mm, or VTP with radii",
             text="a mesh needs it", example="centerline.csv",
         ),
     ] = None  # fmt: skip

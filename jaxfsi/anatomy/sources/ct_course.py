@@ -13,8 +13,6 @@ leaves the aorta with a slope that grows to its final value, ϱ' → g x/(x + �
 ostium it enters the aortic lumen at the take-off angle.
 """
 
-import os
-import pathlib
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -22,9 +20,6 @@ import scipy.interpolate
 import scipy.ndimage
 import scipy.optimize
 from jaxtyping import Float
-
-from jaxfsi.text_files import read_text
-from lumped.units import MM
 
 OstiumEnd = Literal["auto", "first", "last"]
 
@@ -39,8 +34,6 @@ _ARC_LENGTH_STEPS = 4
 _TILT_WEIGHT = 0.5
 _STARTS = 12
 _MISFIT = 0.1
-_SPACING_RANGE_MM = (0.05, 5.0)
-_LENGTH_RANGE_MM = (20.0, 400.0)
 
 
 class AortaFit(NamedTuple):
@@ -60,46 +53,6 @@ class AortaFit(NamedTuple):
     from_first: bool
     rotation: Float[np.ndarray, "3 3"]
     origin: Float[np.ndarray, " 3"]
-
-
-def read_centerline(path: str | os.PathLike[str]) -> Float[np.ndarray, "points 3"]:
-    """Read a centre line: one point x,y,z in mm a line, separated by commas.
-
-    Returns:
-        The points in cm, in the order of the file.
-
-    Raises:
-        ValueError: the file cannot be read, or spacing or length say that it is not in mm.
-    """
-    path = pathlib.Path(path)
-    hint = "Expected one point a line: x, y, z in mm, separated by commas."
-    points, faults = [], []
-    for i, line in enumerate(read_text(path).splitlines(), start=1):
-        if not line.strip():
-            continue
-        try:
-            point = [float(field) for field in line.split(",")]
-        except ValueError:
-            point = []
-        if len(point) != 3 or not np.all(np.isfinite(point)):
-            faults.append(f"line {i}: {line[:40]!r} is not three finite numbers")
-        points.append(point)
-    if faults:
-        raise ValueError(f"{path}: {'; '.join(faults[:8])}. {hint}")
-    if len(points) < 4:
-        raise ValueError(f"{path}: {len(points)} points, at least 4 are needed. {hint}")
-    steps = np.linalg.norm(np.diff(np.array(points), axis=0), axis=1)
-    for what, value, (low, high) in (
-        ("median spacing", float(np.median(steps)), _SPACING_RANGE_MM),
-        ("length", float(np.sum(steps)), _LENGTH_RANGE_MM),
-    ):
-        if not low <= value <= high:
-            raise ValueError(
-                f"{path}: {what} {value:g} mm, expected {low:g}..{high:g} mm."
-                " Check that x, y and z are in mm."
-            )
-    keep = np.concatenate([[True], steps > 0.0])
-    return np.array(points)[keep] * MM
 
 
 def _resampled(

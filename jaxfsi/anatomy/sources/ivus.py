@@ -23,7 +23,8 @@ from jaxfsi.anatomy.anatomy import MARGIN, OPENING_BALL, OVERRUN, Anatomy, Cente
 from jaxfsi.anatomy.curves.curve import Curve, at_arc_length, curve_through
 from jaxfsi.anatomy.curves.loft import eccentric_sections, lofted
 from jaxfsi.anatomy.implicit import elliptic_contours, tube
-from jaxfsi.anatomy.sources.ct_course import AortaFit, OstiumEnd, fit_aorta, read_centerline
+from jaxfsi.anatomy.sources.centerline_files import read_centerline
+from jaxfsi.anatomy.sources.ct_course import AortaFit, OstiumEnd, fit_aorta
 from jaxfsi.anatomy.sources.pullback import Pullback, polygon_areas, read_pullback
 from jaxfsi.anatomy.sources.septum_course import (
     CoronaryCourse,

@@ -1,0 +1,126 @@
+"""The centre line of a vessel from a file: CSV, VMTK's poly lines (vtp), or Slicer's (mrk.json).
+
+Of poly lines with branches the longest is taken: from the source to the tip that lies farthest.
+Centre lines of a coronary often begin in the aorta. Where the radii say so, the line is cut where
+it first leaves the aorta's inscribed spheres,
+
+    k₀ = min {k > J : |x_k − x_j| ≥ r_j for all j of A},  J = max W,  W = {j : r_j > 3 median(r)},
+
+which is where the wall of the aorta would be without the coronary. The spheres A of the aorta
+itself are those of W with r_j > 0.95 of W's median: on the way to the ostium they shrink and bulge
+into the coronary.
+"""
+
+import os
+import pathlib
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxfsi.mesh_files import PolylineFile, read_polylines
+from jaxfsi.text_files import read_text
+from lumped.units import MM
+
+WIDE = 3.0
+"""Radius above which a point lies in the parent vessel, over the median of the line."""
+
+_FULL = 0.95
+
+_SPACING_RANGE_MM = (0.05, 5.0)
+_LENGTH_RANGE_MM = (20.0, 400.0)
+
+
+def read_centerline(path: str | os.PathLike[str]) -> Float[np.ndarray, "points 3"]:
+    """Read the centre line of one vessel.
+
+    Args:
+        path: a vtp file of poly lines, or a text with one point x,y,z a line, separated by
+            commas; in mm.
+
+    Returns:
+        The points in cm, in the order of the file.
+
+    Raises:
+        ValueError: the file cannot be read, or spacing or length say that it is not in mm.
+    """
+    path = pathlib.Path(path)
+    if path.suffix.lower() == ".vtp":
+        points = longest_line(read_polylines(path))
+    else:
+        points = _text_points(path)
+    if len(points) < 4:
+        raise ValueError(
+            f"{path}: {len(points)} points, at least 4 are needed. Give the whole vessel."
+        )
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    for what, value, (low, high) in (
+        ("median spacing", float(np.median(steps)), _SPACING_RANGE_MM),
+        ("length", float(np.sum(steps)), _LENGTH_RANGE_MM),
+    ):
+        if not low <= value <= high:
+            raise ValueError(
+                f"{path}: {what} {value:g} mm, expected {low:g}..{high:g} mm."
+                " Check that x, y and z are in mm."
+            )
+    keep = np.concatenate([[True], steps > 0.0])
+    return points[keep] * MM
+
+
+def _text_points(path: pathlib.Path) -> Float[np.ndarray, "points 3"]:
+    hint = "Expected one point a line: x, y, z in mm, separated by commas."
+    points, faults = [], []
+    for i, line in enumerate(read_text(path).splitlines(), start=1):
+        if not line.strip():
+            continue
+        try:
+            point = [float(field) for field in line.split(",")]
+        except ValueError:
+            point = []
+        if len(point) != 3 or not np.all(np.isfinite(point)):
+            faults.append(f"line {i}: {line[:40]!r} is not three finite numbers")
+        points.append(point)
+    if faults:
+        raise ValueError(f"{path}: {'; '.join(faults[:8])}. {hint}")
+    if len(points) < 4:
+        raise ValueError(f"{path}: {len(points)} points, at least 4 are needed. {hint}")
+    return np.array(points)
+
+
+def longest_line(file: PolylineFile) -> Float[np.ndarray, "points 3"]:
+    """Points of the longest line, its part within a wider parent vessel left out.
+
+    Args:
+        file: poly lines; their radii tell the parent vessel, without them nothing is left out.
+    """
+
+    def length(nodes: np.ndarray) -> float:
+        return float(np.linalg.norm(np.diff(file.points[nodes], axis=0), axis=1).sum())
+
+    nodes = max(file.lines, key=length)
+    points = file.points[nodes]
+    if file.radius is None:
+        return points
+    radius = file.radius[nodes]
+    wide = radius > WIDE * np.median(radius)
+    if wide[-1] and not wide[0]:  # from the tip to the source
+        return points[::-1][outside_parent(points[::-1], radius[::-1], wide[::-1]) :][::-1]
+    return points[outside_parent(points, radius, wide) :]
+
+
+def outside_parent(
+    points: Float[np.ndarray, "points 3"], radius: Float[np.ndarray, " points"], wide: np.ndarray
+) -> int:
+    """Index of the first point beyond the parent vessel, k₀ above; 0 where there is none.
+
+    Args:
+        points: of a line from its source.
+        radius: of the inscribed spheres.
+        wide: whether each sphere is one of the parent vessel.
+    """
+    if not wide.any():
+        return 0
+    last = int(np.flatnonzero(wide)[-1])
+    full = wide & (radius > _FULL * np.median(radius[wide]))
+    distance = np.linalg.norm(points[last + 1 :, None] - points[full], axis=2)
+    outside = (distance >= radius[full]).all(axis=1)
+    return last + 1 + int(outside.argmax()) if outside.any() else 0

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     )
     from jaxfsi.anatomy.sources.ct_course import AortaFit, fit_aorta
     from jaxfsi.anatomy.sources.ivus import IvusOptions, ivus_anatomy
+    from jaxfsi.anatomy.sources.opening_points import opening_points
     from jaxfsi.anatomy.sources.parameters import (
         PARAMETER_RANGES,
         ParameterFault,

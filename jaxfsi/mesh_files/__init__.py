@@ -9,8 +9,10 @@ from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
     from jaxfsi.mesh_files.any_format import read_mesh, write_mesh
+    from jaxfsi.mesh_files.axes import AXES, Axes, stated_axes, turned
     from jaxfsi.mesh_files.joining import JoinedNodes, join_nodes
     from jaxfsi.mesh_files.lengths import UNITS_CM, Unit, check_extent, check_unit
+    from jaxfsi.mesh_files.markups import Markup, read_markups
     from jaxfsi.mesh_files.mesh_complete import read_mesh_complete, write_mesh_complete
     from jaxfsi.mesh_files.msh import read_msh, write_msh
     from jaxfsi.mesh_files.polylines import PolylineFile, read_polylines, write_polylines

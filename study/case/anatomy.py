@@ -68,7 +68,7 @@ class IvusAnatomy:
     centerline: Annotated[
         pathlib.Path | None,
         Location(
-            described="file of the CT centre line, x, y, z in mm, or VTP with radii",
+            described="CT centre line: x, y, z in mm as text, VTP with radii, or .mrk.json",
             text="a mesh needs it", example="centerline.csv",
         ),
     ] = None  # fmt: skip
@@ -165,6 +165,20 @@ class SurfaceAnatomy:
         Location(described="STL, PLY, OBJ or VTP file of the lumen", example="lumen.stl"),
     ]
     unit: LengthUnit
+    axes: Annotated[
+        Literal["LPS", "RAS"] | None,
+        Word(
+            text="axes of the points in this file; a surface that says others is turned",
+            example="LPS",
+        ),
+    ] = None
+    openings_file: Annotated[
+        pathlib.Path | None,
+        Location(
+            described="points of 3D Slicer (.mrk.json), one at each end, labelled with its name",
+            text="in place of [anatomy.openings]", example="ends.mrk.json",
+        ),
+    ] = None  # fmt: skip
     smoothing_steps: Annotated[
         int | None,
         Quantity(
@@ -174,6 +188,11 @@ class SurfaceAnatomy:
     openings: Mapping[str, Point] = dataclasses.field(default_factory=dict)
     cuts: Mapping[str, SurfaceCut] = dataclasses.field(default_factory=dict)
     kind: Literal["surface"] = "surface"
+
+    @property
+    def files(self) -> list[pathlib.Path]:
+        """The files that are there."""
+        return [file for file in (self.surface, self.openings_file) if file is not None]
 
 
 @dataclass(frozen=True)

@@ -110,6 +110,10 @@ def _surface(
         cut = _cut(f"anatomy.cuts.{name}", value, context)
         if cut is not None:
             cuts[name] = cut
+    if openings and values["openings_file"] is not None:
+        cure = "keep either openings_file or the table [anatomy.openings]"
+        place = "anatomy.openings_file"
+        context.add(place, table["openings_file"], "the openings are given as well", cure)
     return {**values, "openings": openings, "cuts": cuts}
 
 

@@ -17,7 +17,7 @@ from jaxfsi import Mesh, Region
 from jaxfsi.anatomy import Anatomy, Cut, IvusOptions, SurfaceOptions
 from jaxfsi.anatomy import SyntheticParameters as Parameters
 from jaxfsi.measures import triangle_areas
-from jaxfsi.mesh_files import read_mesh, read_mesh_complete
+from jaxfsi.mesh_files import read_mesh, read_mesh_complete, stated_axes
 from jaxfsi.mesh_parts import canonically_labelled
 from lumped.units import MM
 from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy, SyntheticAnatomy
@@ -198,12 +198,20 @@ def _surface(case: Case, anatomy: SurfaceAnatomy) -> Anatomy:
     given = {"smoothing_steps": anatomy.smoothing_steps, **_thickness(case.wall)}
     options = SurfaceOptions(**{name: value for name, value in given.items() if value is not None})
     cuts = {n: Cut(cut.centre, cut.normal, cut.radius) for n, cut in anatomy.cuts.items()}
-    with _refusal(anatomy.surface):
+    with _refusal(*anatomy.files):
+        names = anatomy.openings or None
+        if anatomy.openings_file is not None:
+            names = sources.opening_points(
+                anatomy.openings_file,
+                unit=anatomy.unit,
+                axes=anatomy.axes or stated_axes(anatomy.surface),
+            )
         return sources.surface_anatomy(
             anatomy.surface,
             unit=anatomy.unit,
-            names=anatomy.openings or None,
+            names=names,
             cuts=cuts or None,
+            axes=anatomy.axes,
             options=options,
         )
 

@@ -196,7 +196,7 @@ def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
         histograms=histograms,
         pictures=list(pictures),
         picture_note=note,
-        notes=report["notes"],
+        notes=[*report["notes"], *mesh.meta.get("notes", ())],
     )
     made = StateMesh(mesh, found, pictures, made_now())
     store_mesh(key, made)

@@ -32,8 +32,8 @@ def input_files(case: Case) -> list[pathlib.Path]:
         case IvusAnatomy(states=states, centerline=centerline):
             files += [file for state in states.values() for file in state.files]
             files += [centerline] if centerline is not None else []
-        case SurfaceAnatomy(surface=surface):
-            files.append(surface)
+        case SurfaceAnatomy(files=named):
+            files += named
         case MeshAnatomy(places=places):
             files += [file for place in places for file in files_of(place)]
         case _:

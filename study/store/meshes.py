@@ -67,10 +67,11 @@ def mesh_key(case: Case, state: str) -> str:
             given = dataclasses.replace(anatomy, states={}, centerline=None)  # files, by content
             given = (given, [file is None for file in dataclasses.astuple(anatomy.states[state])])
         case SurfaceAnatomy():
-            files = [anatomy.surface]
+            files = anatomy.files
             given = (anatomy.surface.name, anatomy.unit, anatomy.smoothing_steps)
             given = (*given, sorted(anatomy.openings.items()), sorted(anatomy.cuts))
             given = (*given, [anatomy.cuts[name] for name in sorted(anatomy.cuts)])
+            given = given if anatomy.axes is None else (*given, anatomy.axes)
         case MeshAnatomy():
             files = [file for place in anatomy.places for file in files_of(place)]
             given = (

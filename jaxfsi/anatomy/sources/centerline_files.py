@@ -1,4 +1,4 @@
-"""The centre line of a vessel from a file: CSV, VMTK's poly lines (vtp), or Slicer's (mrk.json).
+"""The centre line of a vessel from a file: CSV, VMTK's poly lines (vtp), 3D Slicer's curves.
 
 Of poly lines with branches the longest is taken: from the source to the tip that lies farthest.
 Centre lines of a coronary often begin in the aorta. Where the radii say so, the line is cut where
@@ -17,7 +17,14 @@ import pathlib
 import numpy as np
 from jaxtyping import Float
 
-from jaxfsi.mesh_files import PolylineFile, read_polylines
+from jaxfsi.mesh_files import (
+    Axes,
+    PolylineFile,
+    read_markups,
+    read_polylines,
+    stated_axes,
+    turned,
+)
 from jaxfsi.text_files import read_text
 from lumped.units import MM
 
@@ -30,12 +37,15 @@ _SPACING_RANGE_MM = (0.05, 5.0)
 _LENGTH_RANGE_MM = (20.0, 400.0)
 
 
-def read_centerline(path: str | os.PathLike[str]) -> Float[np.ndarray, "points 3"]:
+def read_centerline(
+    path: str | os.PathLike[str], *, axes: Axes | None = None
+) -> Float[np.ndarray, "points 3"]:
     """Read the centre line of one vessel.
 
     Args:
-        path: a vtp file of poly lines, or a text with one point x,y,z a line, separated by
-            commas; in mm.
+        path: a vtp file of poly lines in mm, a mrk.json file with one curve, or a text with one
+            point x,y,z in mm a line, separated by commas.
+        axes: axes of the result, where the file states its own; None: as in the file.
 
     Returns:
         The points in cm, in the order of the file.
@@ -44,10 +54,15 @@ def read_centerline(path: str | os.PathLike[str]) -> Float[np.ndarray, "points 3
         ValueError: the file cannot be read, or spacing or length say that it is not in mm.
     """
     path = pathlib.Path(path)
-    if path.suffix.lower() == ".vtp":
-        points = longest_line(read_polylines(path))
-    else:
-        points = _text_points(path)
+    match path.suffix.lower():
+        case ".vtp":
+            points, said = longest_line(read_polylines(path)), stated_axes(path)
+        case ".json":
+            points, said = _curve(path)
+        case _:
+            points, said = _text_points(path), None
+    if axes is not None and said is not None:
+        points = turned(points, said, axes)
     if len(points) < 4:
         raise ValueError(
             f"{path}: {len(points)} points, at least 4 are needed. Give the whole vessel."
@@ -64,6 +79,15 @@ def read_centerline(path: str | os.PathLike[str]) -> Float[np.ndarray, "points 3
             )
     keep = np.concatenate([[True], steps > 0.0])
     return points[keep] * MM
+
+
+def _curve(path: pathlib.Path) -> tuple[Float[np.ndarray, "points 3"], Axes]:
+    """Points of the one curve of a file of 3D Slicer, and their axes."""
+    found = read_markups(path)
+    curves = [markup for markup in found if markup.kind in ("Curve", "Line")] or list(found)
+    if len(curves) > 1:
+        raise ValueError(f"{path}: {len(curves)} curves. Save that of the vessel alone.")
+    return curves[0].course(), curves[0].axes
 
 
 def _text_points(path: pathlib.Path) -> Float[np.ndarray, "points 3"]:

@@ -47,6 +47,7 @@ from jaxfsi.anatomy.surfaces.walled_surface import (
 )
 from jaxfsi.anatomy.wall import thickness_from_radius
 from jaxfsi.measures import edge_lengths, enclosed_volume
+from jaxfsi.mesh_files import Axes, stated_axes, turned
 from jaxfsi.opening import canonically_ordered
 
 Unit = Literal["mm", "cm", "m"]
@@ -105,6 +106,7 @@ def surface_anatomy(
     unit: Unit,
     names: Mapping[str, Sequence[float]] | None = None,
     cuts: Mapping[str, Cut] | None = None,
+    axes: Axes | None = None,
     options: SurfaceOptions | None = None,
 ) -> Anatomy:
     """Lumen and wall of a patient from a segmented lumen surface.
@@ -117,10 +119,12 @@ def surface_anatomy(
             inlet (of two ends only, the lower one); one more is ``anomalous_outlet``, several
             more ``coronary_outlet_1``, ... from the largest.
         cuts: further openings by name, where a vessel ends round.
+        axes: of names and cuts. A file that states others is turned to these; the result's
+            ``meta`` says so.
         options: smoothing, wall thickness and plausible sizes.
 
     Returns:
-        The anatomy, in cm in the coordinates of the surface.
+        The anatomy, in cm in the coordinates of the surface, or in ``axes``.
 
     Raises:
         ValueError: the surface cannot be repaired; says why and what to change.
@@ -128,7 +132,9 @@ def surface_anatomy(
     options = SurfaceOptions() if options is None else options
     if unit not in _CM:
         raise ValueError(f"{unit!r} is not a known unit. Use one of {', '.join(_CM)}.")
-    given = surface if isinstance(surface, Triangles) else read_triangles(surface)
+    given, notes = surface, []
+    if not isinstance(given, Triangles):
+        given, notes = _in_axes(given, axes)
     if len(given.faces) == 0:
         raise ValueError("the surface holds no triangles. Export it again.")
     scale = _CM[unit]
@@ -159,10 +165,24 @@ def surface_anatomy(
             "source": "surface",
             "unit": unit,
             "triangles": len(given.faces),
+            **({"notes": notes} if notes else {}),
             "options": dataclasses.asdict(options),
         }
         | _change(body, smooth),
     )
+
+
+def _in_axes(path: str | os.PathLike[str], axes: Axes | None) -> tuple[Triangles, list[str]]:
+    """The triangles of a file in the wanted axes, and what was done to get them there."""
+    found = read_triangles(path)
+    said = stated_axes(path)
+    if axes is None or said is None or said == axes:
+        return found, []
+    note = (
+        f"{os.path.basename(path)} is in {said}; it was turned to {axes}, the axes of the case:"
+        " x and y changed their signs"
+    )
+    return Triangles(turned(found.points, said, axes), found.faces), [note]
 
 
 def _opened(surface: Triangles) -> tuple[Triangles, list[FlatEnd]]:

@@ -57,12 +57,25 @@ def _named_by_user(
     _, chosen = scipy.optimize.linear_sum_assignment(distances**2)
     for name, distance, k in zip(names, distances, chosen, strict=True):
         if distance[k] > 2.0 * ends[k].radius:
+            if _fit_turned(points, centres, np.array([end.radius for end in ends])):
+                raise ValueError(
+                    "the points that name the ends fit the surface with the signs of x and y"
+                    " changed: one is in LPS and the other in RAS. Change the signs, or give the"
+                    " points as a mrk.json file of 3D Slicer and say axes."
+                )
             raise ValueError(
                 f"no end of the surface lies near the point given for {name!r} (the nearest one is"
                 f" {distance.min():.2g} cm away). Give the middle of its end in the unit of the"
                 " surface, each end under one name."
             )
     return {name: ends[k] for name, k in zip(names, chosen, strict=True)}
+
+
+def _fit_turned(points: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> bool:
+    """Whether points name all ends once they are turned by half a turn about z."""
+    distances = np.linalg.norm((points * [-1.0, -1.0, 1.0])[:, None] - centres[None], axis=2)
+    rows, chosen = scipy.optimize.linear_sum_assignment(distances**2)
+    return bool(np.all(distances[rows, chosen] <= 2.0 * radii[chosen]))
 
 
 def inlet_of(named: Mapping[str, FlatEnd]) -> str:

@@ -89,6 +89,7 @@ examples:
 
 needs an anatomy and the cardiac output. Writes fields/fields.pvd (open it in ParaView, also while
 the run goes on; Warp By Vector with displacement_cm moves the points), history.csv, shear.vtu,
+the course of the artery (centerline.vtp, pullback.csv), its lumen in colours (lumen.glb),
 simulation.json and simulation.html. A run that was ended goes on when the same command is given
 again (its input is compared by hash); --restart starts anew and moves the files of the earlier run
 to the sub-folder earlier-1 (then earlier-2, ...). Ctrl-C keeps all whole chunks of ten steps.

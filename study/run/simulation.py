@@ -1,8 +1,9 @@
 """A 3D run of a case: from its mesh to files, going on from where it was ended.
 
 The folder holds ``fields/`` (frames many times a cycle), ``history.csv``, ``checkpoint.npz`` and,
-at the end, ``shear.vtu``. The same command in the same folder goes on from the checkpoint; another
-input refuses it, and so does a run that is shorter than what is there.
+at the end, ``shear.vtu`` and the files of `study.run.artery_files`. The same command in the same
+folder goes on from the checkpoint; another input refuses it, and so does a run that is shorter than
+what is there.
 """
 
 import dataclasses
@@ -28,6 +29,7 @@ from lumped import ML_PER_MIN, MMHG
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.parameters import SolverOptions
+from study.run.artery_files import write_artery_files
 from study.run.lumen_collapse import anatomy_of, located
 from study.run.progress import Progress
 from study.run.simulation_data import Outcome, Schedule, Setup
@@ -119,6 +121,10 @@ def run_simulation(
     if found.record.n_steps:
         write_history(folder, found.record, setup.model.names)
     shear.write(folder / SHEAR_FILE)
+    if found.state is not None:
+        shape = anatomy_of(case, state)
+        names = setup.model.names
+        write_artery_files(folder, setup.mesh, shape, found.record, names, plan.period)
     return found._replace(seconds=time.monotonic() - start, pace=watch.pace)
 
 

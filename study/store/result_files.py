@@ -17,6 +17,7 @@ SIMULATION_VESSEL_DATA = "simulation-vessel.json"
 SWEEP_FILE, TABLE_FILE, FIGURE_FILE = "sweep.json", "sweep.csv", "sweep.svg"
 
 HISTORY_FILE, CHECKPOINT_FILE, SHEAR_FILE = "history.csv", "checkpoint.npz", "shear.vtu"
+AXIS_FILE, PULLBACK_FILE, LUMEN_FILE = "centerline.vtp", "pullback.csv", "lumen.glb"
 FIELD_FOLDER, RUN_FOLDER, STAGE_FOLDER, IN_3D_FOLDER = "fields", "runs", "stages", "in-3d"
 SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
 MESH_PICTURES, SIMULATION_PICTURES = "pictures", "simulation-pictures"
@@ -46,7 +47,15 @@ KINDS = {
     "simulate": Kind(
         SIMULATION_FILE,
         (SIMULATION_PAGE, SIMULATION_VESSEL_PAGE, SIMULATION_VESSEL_DATA, SIMULATION_PICTURES),
-        (CHECKPOINT_FILE, HISTORY_FILE, SHEAR_FILE, FIELD_FOLDER),
+        (
+            CHECKPOINT_FILE,
+            HISTORY_FILE,
+            SHEAR_FILE,
+            AXIS_FILE,
+            PULLBACK_FILE,
+            LUMEN_FILE,
+            FIELD_FOLDER,
+        ),
     ),
     "study": Kind(
         STUDY_FILE,

@@ -75,7 +75,8 @@ examples:
   jaxfsi mesh --demo --out results
 
 writes the mesh in each format, mesh.json with all its numbers, mesh.html and its pictures. A mesh
-that was made before comes from the cache.
+that was made before comes from the cache. The format folder has an input of svMultiPhysics for rest
+beside it, solver.xml, where the case says enough for a run in 3D.
 """,
     ),
     "simulate": (

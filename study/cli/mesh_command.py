@@ -2,6 +2,7 @@
 
 import dataclasses
 import pathlib
+from collections.abc import Mapping
 
 from study.case.model import Case
 from study.cli.command_output import Answer, note
@@ -10,10 +11,12 @@ from study.report.mesh_results import embedded, mesh_document, write_meshes
 from study.report.page import html_report
 from study.run.mesh import chosen_states, mesh_states
 from study.run.progress import Progress
+from study.run.solver_input import input_or_reason
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
 from study.store.folder_lock import at_work
 from study.store.json_form import as_json
+from study.store.meshes import StateMesh
 from study.store.options import MeshCommandOptions
 from study.store.output import write_files
 from study.store.result_files import MESH_FILE, PAGE_FILE
@@ -37,11 +40,23 @@ def mesh_command(request: Request[MeshCommandOptions], case: Case, folder: pathl
         origin = provenance(case, request.words, options)
         meshes = mesh_states(case, states, progress)
         progress.step("writing the files")
+        beside = _solver_inputs(case, meshes) if "folder" in options.format else {}
         document = as_json(mesh_document(case, meshes, options.format, origin))
         written = write_files(
             folder,
             {PAGE_FILE: html_report(document, embedded(meshes)), MESH_FILE: to_json(document)},
-            fill=lambda part: write_meshes(part, meshes, options.format, case.mesh.unit),
+            fill=lambda part: write_meshes(part, meshes, options.format, case.mesh.unit, beside),
             before=lambda names: make_way(folder, document, note, names),
         )
     return Answer(document, written)
+
+
+def _solver_inputs(case: Case, meshes: Mapping[str, StateMesh]) -> dict[str, dict[str, str]]:
+    """The input of another solver for each state, under rest where the case has it."""
+    condition = "rest" if "rest" in case.conditions else next(iter(case.conditions), "rest")
+    found = {}
+    for state, made in meshes.items():
+        found[state], reason = input_or_reason(case, condition, made.mesh, case.mesh.unit)
+        if reason:
+            note(reason)
+    return found

@@ -58,13 +58,27 @@ def mesh_names(state: str, mesh: Mesh, formats: Sequence[str]) -> list[str]:
 
 
 def write_meshes(
-    folder: pathlib.Path, states: Mapping[str, StateMesh], formats: Sequence[str], unit: Unit
+    folder: pathlib.Path,
+    states: Mapping[str, StateMesh],
+    formats: Sequence[str],
+    unit: Unit,
+    beside: Mapping[str, Mapping[str, str]] | None = None,
 ) -> None:
-    """Write the meshes of all states, and their pictures, into a folder that is being filled."""
+    """Write the meshes of all states, and their pictures, into a folder that is being filled.
+
+    Args:
+        folder: it.
+        states: the meshes.
+        formats: kinds of mesh files.
+        unit: of their coordinates.
+        beside: texts by name to lie in the mesh-complete folder of a state; None: none.
+    """
     for state, made in states.items():
         for name in mesh_names(state, made.mesh, formats):
             if name.endswith(FOLDER_SUFFIX):
                 _write_complete(folder / name, made.mesh, unit)
+                for file, text in (beside or {}).get(state, {}).items():
+                    (folder / name / file).write_text(text, encoding="utf-8")
             else:
                 write_mesh(folder / name, made.mesh, unit=unit)
         write_mesh_pictures(folder, state, made.pictures)

@@ -42,6 +42,35 @@ class _Frame(NamedTuple):
     points_mm: list[tuple[float, float]]
 
 
+class FrameContour(NamedTuple):
+    """One contour of a pullback, as drawn.
+
+    Attributes:
+        z_mm: height of the frame [mm].
+        points_mm: its points, counter-clockwise, not closed by a repeated one [mm].
+    """
+
+    z_mm: float
+    points_mm: np.ndarray
+
+
+def read_frames(path: pathlib.Path) -> dict[int, FrameContour]:
+    """Contours of a file by the number of their frame.
+
+    Args:
+        path: as for `read_ivus_contours`.
+
+    Raises:
+        ValueError: the file cannot be read as described.
+    """
+    frames = _parse(path, read_text(path).splitlines())
+    contours = _contours(path, frames)
+    return {
+        frame.number: FrameContour(frame.z_mm, points)
+        for frame, points in zip(frames, contours, strict=True)
+    }
+
+
 def read_ivus_contours(
     path: str | os.PathLike[str], *, frame_table: str | os.PathLike[str] | None = None
 ) -> Lumen:

@@ -49,10 +49,19 @@ class IvusState:
         ),
     ] = None  # fmt: skip
 
+    external_contours: Annotated[
+        pathlib.Path | None,
+        Location(
+            described="file of tab-separated frame, x, y, z in mm",
+            text="external elastic membrane; the artery's wall is then as thick as measured",
+            example="eem_contours.csv",
+        ),
+    ] = None
+
     @property
     def files(self) -> list[pathlib.Path]:
         """The files that are there."""
-        files = (self.contours, self.frame_table, self.reference_point)
+        files = (self.contours, self.frame_table, self.reference_point, self.external_contours)
         return [file for file in files if file is not None]
 
 

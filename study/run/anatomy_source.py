@@ -156,6 +156,9 @@ def _ivus(case: Case, anatomy: IvusAnatomy, state: str) -> Anatomy:
         "ostium_end": anatomy.ostium_end,
         **_thickness(case.wall),
     }
+    if files.external_contours is not None:
+        given["measured_minimum"] = case.wall.thickness_min
+        given["measured_maximum"] = case.wall.thickness_max
     options = IvusOptions(**{name: value for name, value in given.items() if value is not None})
     with _refusal(files.contours, anatomy.centerline, *files.files[1:]):
         return sources.ivus_anatomy(
@@ -166,6 +169,7 @@ def _ivus(case: Case, anatomy: IvusAnatomy, state: str) -> Anatomy:
             state=state,
             aorta_radius=anatomy.aorta_radius,
             septum=anatomy.septum,
+            external=files.external_contours,
             options=options,
         )
 

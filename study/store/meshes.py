@@ -65,7 +65,11 @@ def mesh_key(case: Case, state: str) -> str:
             files = [*anatomy.states[state].files]
             files += [anatomy.centerline] if anatomy.centerline is not None else []
             given = dataclasses.replace(anatomy, states={}, centerline=None)  # files, by content
-            given = (given, [file is None for file in dataclasses.astuple(anatomy.states[state])])
+            named = anatomy.states[state]
+            absent = [file is None for file in (named.contours, named.frame_table)]
+            absent += [named.reference_point is None]
+            # a later key, which changes nothing where it is absent
+            given = (given, absent + ([False] if named.external_contours is not None else []))
         case SurfaceAnatomy():
             files = anatomy.files
             given = (anatomy.surface.name, anatomy.unit, anatomy.smoothing_steps)

@@ -58,6 +58,8 @@ class IvusOptions:
         thickness_minimum: least wall thickness [cm].
         thickness_maximum: greatest wall thickness [cm].
         ostium_end: which end of the centre line is the ostium.
+        measured_minimum: least wall thickness where it is measured [cm].
+        measured_maximum: greatest wall thickness there [cm].
     """
 
     aorta_below: float = 2.0
@@ -69,6 +71,8 @@ class IvusOptions:
     thickness_minimum: float = 0.05
     thickness_maximum: float = 0.15
     ostium_end: OstiumEnd = "auto"
+    measured_minimum: float = 0.01
+    measured_maximum: float = 0.5
 
     def thickness(self, radius: Float[np.ndarray, " points"]) -> Float[np.ndarray, " points"]:
         """Wall thickness [cm] of vessels of given radius [cm].
@@ -100,6 +104,7 @@ def ivus_anatomy(
     state: str = "",
     aorta_radius: float = 1.4,
     septum: float | None = None,
+    external: str | os.PathLike[str] | None = None,
     options: IvusOptions | None = None,
 ) -> Anatomy:
     """Lumen and wall of a patient with an anomalous coronary, in one measured state.
@@ -113,6 +118,8 @@ def ivus_anatomy(
         aorta_radius: radius of the aortic lumen [cm]; not in these data.
         septum: tissue between the two lumens [cm], instead of the measured one; needed where the
             frame table holds none.
+        external: contours of the external elastic membrane of the same pullback; the wall of the
+            coronary then has the measured thickness, not one that follows the radius.
         options: what the measurements do not say.
 
     Returns:
@@ -131,7 +138,9 @@ def ivus_anatomy(
             f"an aortic radius of {aorta_radius:g} cm is not within {low:g}..{high:g} cm."
             " Give it in cm."
         )
-    pullback = read_pullback(contours, frame_table=frame_table, reference=reference)
+    pullback = read_pullback(
+        contours, frame_table=frame_table, reference=reference, external=external
+    )
     with _about(contours if frame_table is None else frame_table):
         pullback = _with_septum(pullback, septum)
     line = read_centerline(centerline)
@@ -184,7 +193,22 @@ def _outlet_radius(pullback: Pullback, options: IvusOptions) -> float:
     section = pullback.sections[-1]
     radius = np.sqrt(polygon_areas(section[None]) / np.pi)
     reach = float(np.max(np.linalg.norm(section, axis=1)))
-    return OPENING_BALL * (reach + float(options.thickness(radius)[0]))
+    thickness = _coronary_thickness(pullback, pullback.s[-1:], radius, options)
+    return OPENING_BALL * (reach + float(thickness[0]))
+
+
+def _coronary_thickness(
+    pullback: Pullback,
+    s: Float[np.ndarray, " n"],
+    radius: Float[np.ndarray, " n"],
+    options: IvusOptions,
+) -> Float[np.ndarray, " n"]:
+    """Thickness of the coronary wall [cm]: as measured, else from the radius."""
+    if pullback.wall is None:
+        return options.thickness(radius)
+    measured = pullback.wall.along(pullback.s, s)
+    measured = np.clip(measured, options.measured_minimum, options.measured_maximum)
+    return np.minimum(measured, 0.9 * radius)
 
 
 def _coronary(pullback: Pullback, course: CoronaryCourse, options: IvusOptions) -> VesselTube:
@@ -196,7 +220,7 @@ def _coronary(pullback: Pullback, course: CoronaryCourse, options: IvusOptions) 
         name="anomalous",
         tube=tube(course.axis, table),
         half_width=np.min(np.ptp(table, axis=1), axis=1) / 2.0,
-        thickness=options.thickness(np.sqrt(polygon_areas(table) / np.pi)),
+        thickness=_coronary_thickness(pullback, s, np.sqrt(polygon_areas(table) / np.pi), options),
         blend=np.maximum(blend, _LEAST_BLEND),
     )
 
@@ -303,5 +327,19 @@ def _meta(
         "centerline_residual": fit.residual,
         "aortic_axes_in_ct": fit.rotation.tolist(),
         "aortic_origin_in_ct": fit.origin.tolist(),
+        **_measured_wall(pullback),
         "options": dataclasses.asdict(options),
+    }
+
+
+def _measured_wall(pullback: Pullback) -> dict[str, object]:
+    """The measured thickness of the wall [cm] at the frames that have it, least and greatest."""
+    if pullback.wall is None:
+        return {}
+    known = np.isfinite(pullback.wall.mean)
+    return {
+        "wall_s": pullback.s[known].tolist(),
+        "wall_mean": pullback.wall.mean[known].tolist(),
+        "wall_least": pullback.wall.least[known].tolist(),
+        "wall_greatest": pullback.wall.greatest[known].tolist(),
     }

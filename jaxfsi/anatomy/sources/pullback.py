@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from jaxfsi.anatomy.sources.external_wall import ExternalWall, read_external_wall
 from jaxfsi.contours import read_ivus_contours
 from jaxfsi.lumen import Lumen
 from jaxfsi.text_files import read_table, read_text
@@ -45,12 +46,14 @@ class Pullback(NamedTuple):
         septum: tissue measured between the aortic and the coronary lumen [cm]; nan where none was
             measured.
         side_known: whether a reference point told on which side the aorta lies.
+        wall: thickness of the wall that was measured at each frame; None: not measured.
     """
 
     s: Float[np.ndarray, " frames"]
     sections: Float[np.ndarray, "frames points 2"]
     septum: Float[np.ndarray, " frames"]
     side_known: bool
+    wall: ExternalWall | None = None
 
 
 def read_pullback(
@@ -58,6 +61,7 @@ def read_pullback(
     *,
     frame_table: str | os.PathLike[str] | None = None,
     reference: str | os.PathLike[str] | None = None,
+    external: str | os.PathLike[str] | None = None,
 ) -> Pullback:
     """Read a pullback and turn its sections to face the aorta.
 
@@ -68,6 +72,8 @@ def read_pullback(
             measured. Without it frames keep their order along z and no tissue is known.
         reference: one tab-separated line (frame, x, y, z in mm): a point on the aortic side of
             that frame. Without it the side is chosen arbitrarily (slits are nearly symmetric).
+        external: contours of the external elastic membrane in the form of the first file, see
+            `jaxfsi.anatomy.sources.external_wall`.
 
     Raises:
         ValueError: a file cannot be read as described; file, line and value are named.
@@ -102,7 +108,8 @@ def read_pullback(
     u = -np.einsum("fpi,fi->fp", centred, towards)
     v = np.einsum("fpi,fi->fp", centred, along)
     sections = np.stack([u, v], axis=2)[:, ::-1]
-    return Pullback(np.asarray(lumen.s), sections, septum, reference is not None)
+    wall = None if external is None else read_external_wall(contours, external, numbers)
+    return Pullback(np.asarray(lumen.s), sections, septum, reference is not None, wall)
 
 
 def polygon_centroids(

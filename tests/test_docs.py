@@ -11,6 +11,7 @@ PAGES = (
     "CONTRIBUTING.md",
     "docs/architecture.md",
     "docs/extending.md",
+    "docs/files.md",
     "docs/glossary.md",
     "docs/results.md",
     "docs/wall.md",

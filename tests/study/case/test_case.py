@@ -143,7 +143,7 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     full_text = re.sub(r"^#(?=\w+ = |\[)", "", case_template(), flags=re.MULTILINE)
     full_text = full_text.replace("rest_beat.csv", "beat.csv")
     file = write_case(tmp_path, full_text)
-    for name in ("frames.csv", "reference.csv"):
+    for name in ("frames.csv", "reference.csv", "eem_contours.csv"):
         (tmp_path / name).write_text("x")
     full = read_case(file)
     assert (full.blood, full.coronary) == (plain.blood, plain.coronary)

@@ -197,6 +197,7 @@ KEPT: dict[str, Callable[[str], str]] = {
         lambda k, row: row if k % 900 else [f"{k / 100 + 0.01:.3f}", *row[1:]]
     ),
     "a flush": _shaken,
+    "some wrong times": _set(0, "7.5", lambda k: k % 1900 == 30),
     "drift": _cells(lambda k, row: [*row[:2], f"{float(row[2]) + k / 2000:.3f}"]),
     "further columns": _cells(lambda k, row: [*row, "x" if k == 70 else ""]),
     "milliseconds, named": lambda text: _cells(

@@ -23,6 +23,7 @@ _RANGES = {column.name: (column.low, column.high) for column in COLUMNS}
 _SENSORS = {"aortic": "P_aorta", "distal": "P_distal", "flow": "Q_coronary"}
 _LOST_SHARE = 0.3
 _TWINS_SHARE = 0.02
+_WINDOW = 5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,6 +106,10 @@ def _times(
         cure = "name the column of the times with --columns time=..., or give --rate"
         raise refusal(table.path, "most times are no numbers", cure)
     t = t[rows]
+    kept = _plausible_times(t)
+    if not kept.all():
+        remarks.append(f"{int((~kept).sum())} samples with a wrong time were left out.")
+        t, rows = t[kept], rows[kept]
     steps = np.diff(t)
     if np.median(steps) < 0.0 or (steps < 0.0).sum() > 3:
         problem = "the times run backwards"
@@ -125,6 +130,17 @@ def _times(
     first = np.ones(t.size, bool)
     first[twins] = False
     return t[first], rows[first]
+
+
+def _plausible_times(t: np.ndarray) -> np.ndarray:
+    """Which times lie near those of their neighbours; all where many do not."""
+    if t.size < _WINDOW:
+        return np.ones(t.size, bool)
+    reach = _WINDOW // 2
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(t, reach, mode="edge"), _WINDOW)
+    step = float(np.median(np.abs(np.diff(t))))
+    kept = np.abs(t - np.median(windows, axis=1)) <= 10.0 * step
+    return kept if (~kept).sum() <= _TWINS_SHARE * t.size else np.ones(t.size, bool)
 
 
 def _check_unit(path: pathlib.Path, P: np.ndarray, chosen: ChosenColumns) -> None:

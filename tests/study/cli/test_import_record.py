@@ -71,6 +71,31 @@ def test_unit_and_columns_of_the_command_line_mend_what_was_refused(command, tmp
     )
 
 
+def test_twelve_seconds_as_a_console_writes_them(command, tmp_path):
+    given = minute(3, seconds=12.0, ectopics=0.0, delay=0.06, respiration=1.0)
+    kilopascal = {
+        "Zeit [s]": given.columns["time"],
+        "Pa [kPa]": 0.1333224 * given.columns["p_aortic"],
+        "Pd [kPa]": 0.1333224 * given.columns["p_distal"],
+    }
+    text = "Klinik;Labor 2\nPatient;7\n\n" + export(kilopascal, separator=";", decimal=",")
+    path = tmp_path / "p_rest.txt"
+    path.write_bytes(text.encode("utf-16"))
+    ended = command("import-record", path, "--json", folder=tmp_path / "out")
+    assert ended.status == 0, ended.stderr
+    (found,) = ended.json["conditions"]
+    assert found["beats_used"] >= 12
+    assert found["period_s"] == pytest.approx(given.period, rel=0.01)
+    assert found["mean_P_aorta_mmHg"] == pytest.approx(given.mean["P_aorta"], abs=0.6)
+    assert found["delay_s"] == pytest.approx(0.06, abs=0.004)
+    assert any("60 ms later" in line and "not corrected" in line for line in found["remarks"])
+    assert any("from kPa" in line for line in found["remarks"])
+    # the traces themselves are as they were: the shift is still in the record
+    rows = np.loadtxt(tmp_path / "out" / "rest.csv", delimiter=",", skiprows=1)
+    known = set(np.round(given.columns["p_distal"], 1))
+    assert np.mean([round(v, 1) in known for v in rows[:50, 2]]) > 0.9
+
+
 def test_three_conditions_and_a_check_of_the_wire(command, tmp_path):
     files = []
     for k, (name, ratio, period) in enumerate(

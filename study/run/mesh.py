@@ -196,11 +196,17 @@ def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
         histograms=histograms,
         pictures=list(pictures),
         picture_note=note,
-        notes=[*report["notes"], *mesh.meta.get("notes", ())],
+        notes=[*report["notes"], *_told(mesh)],
     )
     made = StateMesh(mesh, found, pictures, made_now())
     store_mesh(key, made)
     return made
+
+
+def _told(mesh: Mesh) -> list[str]:
+    """What reading its surface told of a mesh."""
+    notes = mesh.meta.get("notes")
+    return list(notes) if isinstance(notes, (list, tuple)) else []
 
 
 def _known(kind: type[_Part], value: Any) -> _Part | None:

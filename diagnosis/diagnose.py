@@ -195,7 +195,7 @@ def _forcings(
     for b in range(B):
         jobs.append((b, (-1, -1)))
         x.append(np.asarray(base.x)[b])
-        fits = {(int(e), -1): row_of(single, b * F + e) for e in causes.leaders(log_Z[b])}
+        fits = {(int(e), -1): row_of(single, b * F + int(e)) for e in causes.leaders(log_Z[b])}
         fits |= pairs[b].fits
         share = {True: PRIOR["single"] / E, False: PRIOR["pair"] / max(E * (E - 1) / 2, 1)}
         score = {h: float(f.log_evidence) + np.log(share[h[1] < 0]) for h, f in fits.items()}
@@ -244,11 +244,9 @@ def _assembled(
     own = np.asarray(single.log_evidence)[b * F : (b + 1) * F]
     alone = causes.evidence(own)
     chosen: dict[tuple[int, ...], Fitted] = {
-        (int(k),): row(single, b * F + k) for k in causes.leaders(own)
+        (int(k),): row(single, b * F + int(k)) for k in causes.leaders(own)
     }
-    for pair in sorted(pairs.fits, key=lambda pair: pairs.gains[pair]):  # the likeliest forms last
-        chosen = {h: f for h, f in chosen.items() if set(named(h)) != set(named(pair))}
-        fitted = pairs.fits[pair]
+    for pair, fitted in pairs.likeliest(causes).items():
         chosen[pair] = fitted._replace(sizes=np.asarray(fitted.sizes) @ member)
     fits = {(): row(base, b)} | {named(h): f for h, f in chosen.items()}
     acting = {(): ()} | {named(h): tuple(forms[k] for k in h) for h in chosen}

@@ -195,10 +195,20 @@ def run_predictions(
     *,
     progress: ProgressCallback = no_progress,
 ) -> Predicted:
-    """Ln predictive densities of hypothesis `pairs[j]` of record `record[j]`."""
-    predict = partial(_predict_block, numbers=numbers, effects=effects)
-    counted = partial(progress, "predicting conditions that were left out")
-    return _by_kind(predict, batch, record, pairs, (x,), effects, counted)
+    """Ln predictive densities of hypothesis `pairs[j]` of record `record[j]`.
+
+    All take the nonlinear solution: jobs are few, and one compilation is less than two.
+    """
+    predict = partial(_predict_block, numbers=numbers, effects=effects, nonlinear=True)
+    arrays = (np.asarray(pairs, int).reshape(-1, 2), x)
+    done = 0
+
+    def advance(count: int) -> None:
+        nonlocal done
+        done += count
+        progress("predicting conditions that were left out", done, len(record))
+
+    return _in_blocks(predict, batch, np.asarray(record, int), arrays, advance)
 
 
 def base_start(batch: Measured) -> np.ndarray:

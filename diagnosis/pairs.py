@@ -76,6 +76,13 @@ class Pairs(NamedTuple):
     fits: dict[tuple[int, int], Fitted]
     gains: dict[tuple[int, int], float]
 
+    def likeliest(self, causes: Causes) -> dict[tuple[int, int], Fitted]:
+        """Of every two effects the fit whose forms gain most."""
+        found: dict[frozenset[int], tuple[int, int]] = {}
+        for pair in sorted(self.fits, key=lambda pair: self.gains[pair]):
+            found[frozenset(int(causes.of[k]) for k in pair)] = pair
+        return {pair: self.fits[pair] for pair in found.values()}
+
 
 def scanned_gains(
     log_B: Float[np.ndarray, " forms"], scan: Scan, causes: Causes

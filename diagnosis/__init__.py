@@ -22,4 +22,29 @@ if TYPE_CHECKING:
     )
     from diagnosis.verdict import Judgement
 
+__all__ = [
+    "CATALOGUE",
+    "PLACES",
+    "RATIO_SD",
+    "RICHNESS",
+    "SCALARS",
+    "SENSORS",
+    "Diagnosis",
+    "Effect",
+    "Folding",
+    "Judgement",
+    "Measured",
+    "Noise",
+    "RatioGap",
+    "Record",
+    "RecordedCondition",
+    "apply_effects",
+    "diagnose",
+    "find_effect",
+    "measured",
+    "noise_of",
+    "ratio_gap",
+    "stacked",
+]
+
 import_on_first_use(__name__)

@@ -11,4 +11,25 @@ if TYPE_CHECKING:
     from jaxfsi.mesh_checks import check_mesh
     from jaxfsi.mesh_parts import Submesh, node_order, reordered, scaled, submesh, used_nodes
 
+__all__ = [
+    "INTERFACE",
+    "OUTER_WALL",
+    "RING_SUFFIX",
+    "Calipers",
+    "EllipseAxes",
+    "Lumen",
+    "Mesh",
+    "Region",
+    "Submesh",
+    "check_mesh",
+    "node_order",
+    "read_ivus_contours",
+    "reordered",
+    "scaled",
+    "submesh",
+    "tet_faces",
+    "tet_volumes",
+    "used_nodes",
+]
+
 import_on_first_use(__name__)

@@ -24,4 +24,26 @@ if TYPE_CHECKING:
     )
     from jaxfsi.fields.wall_stress import WallStress, wall_stress
 
+__all__ = [
+    "Entry",
+    "Grid",
+    "ViscousLoss",
+    "WallFrame",
+    "WallPatches",
+    "WallStress",
+    "drop_added_by_mesh",
+    "flow_lost_to_mesh",
+    "frame_name",
+    "read_series",
+    "unresolved_loss",
+    "viscous_loss",
+    "wall_frame",
+    "wall_gradient",
+    "wall_normals",
+    "wall_patches",
+    "wall_shear",
+    "wall_stress",
+    "write_series",
+]
+
 import_on_first_use(__name__)

@@ -21,4 +21,29 @@ if TYPE_CHECKING:
     from jaxfsi.mesh_files.vtu import read_vtu, write_vtu
     from jaxfsi.mesh_files.xdmf import read_xdmf, write_xdmf
 
+__all__ = [
+    "UNITS_CM",
+    "JoinedNodes",
+    "MeshFileError",
+    "TriangleFile",
+    "Unit",
+    "check_extent",
+    "check_unit",
+    "join_nodes",
+    "read_mesh",
+    "read_mesh_complete",
+    "read_msh",
+    "read_vtp",
+    "read_vtu",
+    "read_xdmf",
+    "reading",
+    "staged",
+    "write_mesh",
+    "write_mesh_complete",
+    "write_msh",
+    "write_vtp",
+    "write_vtu",
+    "write_xdmf",
+]
+
 import_on_first_use(__name__)

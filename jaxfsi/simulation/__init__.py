@@ -28,4 +28,31 @@ if TYPE_CHECKING:
     )
     from jaxfsi.simulation.step_control import StepControl
 
+__all__ = [
+    "COLLAPSED",
+    "AbstractObserver",
+    "Checkpoint",
+    "CheckpointError",
+    "Chunk",
+    "Collapse",
+    "FieldSeries",
+    "ProgressRecord",
+    "ShearCycle",
+    "ShearMeans",
+    "Simulation",
+    "SimulationError",
+    "SimulationInterrupted",
+    "SolverChoice",
+    "StepControl",
+    "StepHistory",
+    "advance_chunk",
+    "collapse",
+    "fingerprint",
+    "load_checkpoint",
+    "mean_over",
+    "save_checkpoint",
+    "simulate",
+    "write_csv",
+]
+
 import_on_first_use(__name__)

@@ -59,6 +59,20 @@ def parse(argv: Sequence[str]) -> Request[Options]:
     Raises:
         SystemExit: help was asked for (0), or the arguments make no sense (2).
     """
+    given = list(argv)
+    rest: list[str] | None = None
+    if "--" in given and given[:1] == ["cohort"]:
+        at = given.index("--")
+        given, rest = given[:at], given[at + 1 :]
+    found = vars(command_parser().parse_args(given))
+    values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in found.items()}
+    values["options"] = None if rest is None else tuple(rest)
+    options = _OPTIONS[values["command"]].of(values)
+    return Request(values["command"], options, ("jaxfsi", *argv), values["out"], values["json"])
+
+
+def command_parser() -> argparse.ArgumentParser:
+    """Parser of the command line, with every command; the reference page is made from it."""
     raw = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
         "jaxfsi", description=DESCRIPTION, epilog=EPILOG, formatter_class=raw
@@ -108,16 +122,7 @@ def parse(argv: Sequence[str]) -> Request[Options]:
             where += " (default: ID-record beside the first file)"
         command.add_argument("--out", type=pathlib.Path, metavar="DIR", help=where)
         command.add_argument("--json", action="store_true", help="print one JSON object, only")
-    given = list(argv)
-    rest: list[str] | None = None
-    if "--" in given and given[:1] == ["cohort"]:
-        at = given.index("--")
-        given, rest = given[:at], given[at + 1 :]
-    found = vars(parser.parse_args(given))
-    values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in found.items()}
-    values["options"] = None if rest is None else tuple(rest)
-    options = _OPTIONS[values["command"]].of(values)
-    return Request(values["command"], options, ("jaxfsi", *argv), values["out"], values["json"])
+    return parser
 
 
 class _Version(argparse.Action):

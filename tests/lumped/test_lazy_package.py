@@ -1,6 +1,7 @@
 """Public names are imported on first use, and mean what they meant when imported at once."""
 
 import inspect
+import pathlib
 import subprocess
 import sys
 
@@ -11,8 +12,10 @@ import diagnosis
 import jaxfsi
 import lumped
 import study
+from jaxfsi import anatomy, core, fields, mesh_files, meshing, simulation
 
 _PACKAGES = (lumped, jaxfsi, calibration, diagnosis, study)
+_ROOMS = (anatomy, core, fields, mesh_files, meshing, simulation)
 
 
 @pytest.mark.parametrize("package", _PACKAGES, ids=lambda package: package.__name__)
@@ -22,6 +25,17 @@ def test_every_public_name_is_there_and_none_is_a_module(package):
         assert name in dir(package)
     with pytest.raises(AttributeError, match="has no attribute 'no_such_name'"):
         _ = package.no_such_name
+
+
+@pytest.mark.parametrize("package", (*_PACKAGES, *_ROOMS), ids=lambda package: package.__name__)
+def test_all_lists_the_public_names(package):
+    """Type checkers read ``__all__``: what is not there is private to them."""
+    assert sorted(package.__all__) == sorted(package.public_names)
+
+
+@pytest.mark.parametrize("package", _PACKAGES, ids=lambda package: package.__name__)
+def test_package_says_that_it_is_typed(package):
+    assert (pathlib.Path(package.__file__).parent / "py.typed").is_file()
 
 
 def _said(program: str) -> str:

@@ -5,7 +5,7 @@ BIN := .venv/bin
 # Python keeps what it compiles: without it each process that a test starts would compile it anew.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo test lint benchmark format viewer clean
+.PHONY: demo test lint docs benchmark format viewer clean
 
 demo: .venv/installed
 	$(BIN)/jaxfsi study --demo --quick --out results
@@ -20,6 +20,10 @@ lint: .venv/installed-test
 	$(BIN)/ruff check --isolated --target-version py311 --select F821 study benchmarks
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/basedpyright
+
+# Runs every tutorial and example; a warning, dead links among them, ends it. No network is used.
+docs: .venv/installed-test
+	$(BIN)/python -m sphinx -n -W --keep-going -b html docs build/docs
 
 benchmark: .venv/installed-benchmark
 	$(BIN)/python -m benchmarks --out results/benchmarks
@@ -41,7 +45,7 @@ viewer:
 	touch $@
 
 .venv/installed-test: .venv/bin/python pyproject.toml
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[test]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[test,docs]'
 	touch $@ .venv/installed
 
 .venv/installed-benchmark: .venv/bin/python pyproject.toml
@@ -49,4 +53,4 @@ viewer:
 	touch $@ .venv/installed
 
 clean:
-	rm -rf .venv results
+	rm -rf .venv results build docs/auto

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from calibration.interval import Uncertainty
     from calibration.lumen_record import LumenChange, LumenProfile, lumen_change, lumen_profile
     from calibration.optimum import Fit
+    from calibration.outlets import network_start
     from calibration.patient_inputs import MeasurementErrors, patient_inputs
     from calibration.profile import Profile, profile
     from calibration.ramp import PAPER_DROP, RampFit, RampRecord, fit_ramp, measured_slope
@@ -166,6 +167,7 @@ __all__ = [
     "mean_flow_target",
     "mean_pressure_target",
     "measured_slope",
+    "network_start",
     "next_alpha",
     "patient_inputs",
     "profile",

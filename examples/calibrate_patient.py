@@ -1,4 +1,9 @@
-"""Calibrate one patient at rest and predict FFR under stress."""
+"""
+Calibrate a patient
+===================
+
+Calibrate one patient at rest and predict FFR under stress.
+"""
 
 # %% The bundled patient: pressures from the case file, R0 from the lumen contours
 import equinox as eqx

@@ -1,4 +1,9 @@
-"""Gradient of stress FFR with respect to everything, through the calibration at rest."""
+"""
+Gradient of stress FFR
+======================
+
+With respect to everything, through the calibration at rest.
+"""
 
 # %% FFR under stress of a patient whose alpha is calibrated to the resting ratio
 import equinox as eqx

@@ -1,4 +1,9 @@
-"""FFR with an error bar: which causes it has, and which measurement would shrink it."""
+"""
+FFR with an error bar
+=====================
+
+Which causes it has, and which measurement would shrink it.
+"""
 
 # %% A patient whose alpha is tuned to the resting ratio, in every sample anew
 import lumped

@@ -1,4 +1,9 @@
-"""One outlet alone: the four views of a coronary block, and its periodic state."""
+"""
+One outlet alone
+================
+
+The four views of a coronary block, and its periodic state.
+"""
 
 # %% The block of the paper with a beating ventricle behind it
 import jax.numpy as jnp

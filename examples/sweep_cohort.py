@@ -1,4 +1,9 @@
-"""Sweep the scale factor alpha over a cohort: patients x conditions x alphas in one call."""
+"""
+Sweep a cohort
+==============
+
+Patients, conditions and scale factors in one call.
+"""
 
 # %% Twenty patients who differ in R0 and pressures
 import jax.numpy as jnp

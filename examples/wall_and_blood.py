@@ -1,4 +1,9 @@
-"""A viscoelastic wall, tissue around it and shear-thinning blood in a pulse, from Python."""
+"""
+Laws of wall and blood
+======================
+
+A viscoelastic wall, tissue around it and shear-thinning blood in a pulse.
+"""
 
 import jax.numpy as jnp
 

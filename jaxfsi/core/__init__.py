@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from jaxfsi.core.ports.port import AbstractPort, AbstractTractionPort, AbstractVelocityPort
     from jaxfsi.core.ports.pressure import PressurePort
     from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort
-    from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium
-    from jaxfsi.core.statics.loads import pressure_load
+    from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium, static_factor
+    from jaxfsi.core.statics.loads import Loads, PressureLoad, pressure_load
     from jaxfsi.core.statics.prestress import Prestress, prestressed
     from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
     from jaxfsi.core.step.march import March, march
@@ -53,11 +53,13 @@ __all__ = [
     "HolzapfelGasserOgden",
     "LeastGap",
     "LinearElastic",
+    "Loads",
     "March",
     "Model",
     "NeoHookean",
     "Newtonian",
     "PlugPort",
+    "PressureLoad",
     "PressurePort",
     "Prestress",
     "ResistanceInertancePort",
@@ -75,6 +77,7 @@ __all__ = [
     "prepare",
     "pressure_load",
     "prestressed",
+    "static_factor",
 ]
 
 import_on_first_use(__name__)

@@ -27,7 +27,7 @@ def test_every_public_name_is_there_and_none_is_a_module(package):
         _ = package.no_such_name
 
 
-@pytest.mark.parametrize("package", (*_PACKAGES, *_ROOMS), ids=lambda package: package.__name__)
+@pytest.mark.parametrize("package", [*_PACKAGES, *_ROOMS], ids=lambda package: package.__name__)
 def test_all_lists_the_public_names(package):
     """Type checkers read ``__all__``: what is not there is private to them."""
     assert sorted(package.__all__) == sorted(package.public_names)

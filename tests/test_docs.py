@@ -26,7 +26,8 @@ def _name(page: pathlib.Path) -> str:
 def test_paths_are_there(page):
     text = _LINK.sub("", page.read_text(encoding="utf-8"))
     named = {name for name in _PATH.findall(text) if not name.startswith("docs/auto")}
-    assert [name for name in sorted(named) if not (ROOT / name).exists()] == []
+    pages = {name for name in named if (page.parent / f"{name}.md").is_file()}  # of a toctree
+    assert [name for name in sorted(named - pages) if not (ROOT / name).exists()] == []
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=_name)
@@ -71,8 +72,9 @@ def test_readme_example_runs(capsys):
     assert sum(bool(line.strip()) for line in program.splitlines()) <= 12
     with jax.numpy_rank_promotion("allow"):  # the core multiplies fields by numbers of elements
         exec(compile(program, "README.md", "exec"), {})
-    inlet, outlet = map(float, re.findall(r"[\d.]+", capsys.readouterr().out)[:2])
-    assert 0.0 < outlet < inlet < 20.0
+    pressures = [float(number) for number in re.findall(r"[\d.]+", capsys.readouterr().out)]
+    assert len(pressures) == 2
+    assert all(1.0 < P < 8.0 for P in pressures)  # Ohm's law gives a mean of 5.7 mmHg
 
 
 def test_a_picture_of_no_study_is_refused(tmp_path):

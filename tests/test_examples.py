@@ -31,7 +31,7 @@ LEARNT = {
 }
 LEARNT_LONG = {
     "from_ultrasound": ["anomalous_outlet", "tetrahedra", "interface"],
-    "own_loss": ["E x 0.6", "R_distal x 1.3"],
+    "own_loss": ["E x 0.6", "R_distal x 1."],
     "diagnose_record": ["verdict: named, quadratic_loss"],
     "cohort_on_cluster": ["--array", "virtual-l-01 dobutamine", "calibrated"],
 }

@@ -44,7 +44,7 @@ class PublicData(SphinxDirective):
 def _entry(package: str, name: str, value: object, module: str, own: str) -> list[str]:
     analyzer = ModuleAnalyzer.for_module(module)
     words = analyzer.find_attr_docs().get(("", own), [])
-    made = [f".. py:data:: {package}.{name}"]
+    made = [f".. py:data:: {name}", f"   :module: {package}"]
     text = " ".join(repr(value).split())
     if len(text) <= _LONGEST:
         made.append(f"   :value: {text}")

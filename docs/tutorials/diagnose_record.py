@@ -13,7 +13,8 @@ makes it.
 # %%
 # A record
 # --------
-# Rest and two drugs, pressure waveforms with 0.5 mmHg of noise, and the mean flow.
+# Rest and two drugs, twelve beats of pressure with 1 mmHg of noise each, and the mean flow. How
+# noisy the mean beat is follows from the scatter of the beats.
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -37,7 +38,7 @@ for order, (name, (drug, systolic, diastolic, period)) in enumerate(beats.items(
     t = np.linspace(0.0, period, 128, endpoint=False)
     pressures = {
         f"P_{node}": np.interp(t, state.t, state.pressure(node), period=period)[None]
-        + 0.5 * MMHG * rng.standard_normal((1, t.size))
+        + 1.0 * MMHG * rng.standard_normal((12, t.size))
         for node in ("aorta", "distal")
     }
     conditions.append(
@@ -46,16 +47,15 @@ for order, (name, (drug, systolic, diastolic, period)) in enumerate(beats.items(
             mean_Q=float(state.mean_flow("coronary")), beats=pressures,
         )
     )  # fmt: skip
-record = diagnosis.Record(
-    "tutorial", tuple(conditions), pressure_sd=0.5 * MMHG, R0=R0, R0_sd_log=0.15
-)
+record = diagnosis.Record("tutorial", tuple(conditions), R0=R0, R0_sd_log=0.15)
+noise = diagnosis.noise_of(record)
+print(f"noise of the mean beat: {noise.pressure_sd / MMHG:.2f} mmHg, {noise.origin}")
 
 # %%
 # The verdict
 # -----------
 # All effects of the catalogue are fitted and compared by their evidence, with "no gap", pairs, and
-# a
-# free waveform that stands for causes outside the catalogue.
+# a free waveform that stands for causes outside the catalogue.
 (found,) = diagnosis.diagnose(diagnosis.stacked([diagnosis.measured(record)]))
 judgement = found.judgement
 print(f"verdict: {judgement.verdict}, {', '.join(judgement.named)}")

@@ -123,7 +123,7 @@ def periodic_start(
     return network_start(connect(parts), period)
 
 
-def network_start(network: Network, period: float) -> Float[Array, " states"]:
+def network_start(network: Network, period: Parameter) -> Float[Array, " states"]:
     """Periodic states of the element `coronary` of a network, at the start of a cycle.
 
     Raises:

@@ -24,7 +24,9 @@ def seen(true: dict[str, np.ndarray], lanes: Lanes) -> dict[str, np.ndarray]:
     P_aorta = _filtered(true["P_aorta"], 1.0 / (1.0 - ratio**2 + 1.2j * ratio))
     P_aorta = P_aorta + size("aortic_zero_error")
 
-    P = true["P_distal"]
+    # of second order, half critically damped: the natural frequency is 1/lag
+    ratio = omega * size("distal_damping")
+    P = _filtered(true["P_distal"], 1.0 / (1.0 - ratio**2 + 1.0j * ratio))
     shift = size("signal_delay") / period * SAMPLED
     index = np.arange(SAMPLED)[None, :] - shift
     low = np.floor(index).astype(int)

@@ -40,6 +40,7 @@ RANGES: dict[str, tuple[float, float, bool]] = {
     "sensor_gain": (0.03, 0.10, True),
     "aortic_zero_error": (1.5, 7.0, True),
     "catheter_damping": (0.005, 0.030, False),
+    "distal_damping": (0.005, 0.030, False),
     "signal_delay": (0.006, 0.040, True),
     "aortic_waveform": (2.0, 9.0, True),
 }

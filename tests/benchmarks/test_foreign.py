@@ -3,7 +3,6 @@
 import importlib
 import json
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -58,15 +57,6 @@ def test_a_seed_gives_the_same_record_again(generator):
     assert first.files == again.files
     assert first.label == again.label
     assert first.files != other.files
-
-
-@pytest.mark.parametrize("generator", ALL)
-def test_records_are_drawn_fast(generator):
-    """150 in three minutes on one core; time of the processor, not of the clock."""
-    numbers, start = range(20, 25), time.process_time()
-    for number in numbers:
-        module_of(generator).draw(1, number)
-    assert (time.process_time() - start) / len(numbers) < 180.0 / 150.0
 
 
 def test_truths_come_in_turn_and_in_their_shares():

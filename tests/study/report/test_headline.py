@@ -146,7 +146,11 @@ def test_R0_is_demanded_where_it_matters(tmp_path):
 def judged(verdict_: str, none: float) -> Any:
     p = {"none": none, "back_pressure": 0.5, "inertance": 0.5 - none}
     judgement = types.SimpleNamespace(
-        verdict=verdict_, named=("back_pressure", "inertance"), probabilities=p
+        verdict=verdict_,
+        named=("back_pressure", "inertance"),
+        probabilities=p,
+        closed=False,
+        confirmed=True,
     )
     return types.SimpleNamespace(judgement=judgement, effects=(), beside={(): 1.0})
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int, Shaped
 
-from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
-from jaxfsi.mesh_files.vtk_xml import VtkXml, array_element, check_vtk_xml, open_vtk_xml
-from jaxfsi.mesh_files.vtp import array_in, data_in
+from jaxfsi.mesh_files.refusal import MeshFileError, reading
+from jaxfsi.mesh_files.vtk_xml import VtkXml, check_vtk_xml, open_vtk_xml
+from jaxfsi.mesh_files.vtp import array_in, data_in, write_poly_data
 from jaxfsi.text_files import Malformed
 
 RADIUS = "MaximumInscribedSphereRadius"
@@ -116,44 +116,8 @@ def write_polylines(
         MeshFileError: data of another length than points or lines, or lines of points that are
             not there.
     """
-    path = pathlib.Path(path)
     nodes = np.concatenate([np.asarray(line, np.int64) for line in lines] or [np.zeros(0, int)])
     if nodes.size == 0 or not 0 <= nodes.min() <= nodes.max() < len(points):
         raise MeshFileError("the lines are empty or name points that are not there. Correct them.")
-    point_data, cell_data = dict(point_data or {}), dict(cell_data or {})
-    for what, data, size in (("points", point_data, len(points)), ("lines", cell_data, len(lines))):
-        wrong = [name for name, values in data.items() if len(values) != size]
-        if wrong:
-            raise MeshFileError(
-                f"{', '.join(wrong)} do not have one value for each of the {size} {what}. Give"
-                " arrays of that length."
-            )
-    root = ET.Element(
-        "VTKFile",
-        type="PolyData",
-        version="0.1",
-        byte_order="LittleEndian",
-        header_type="UInt32",
-        compressor="vtkZLibDataCompressor",
-    )
-    counts = {"Points": len(points), "Verts": 0, "Lines": len(lines), "Strips": 0, "Polys": 0}
-    piece = ET.SubElement(
-        ET.SubElement(root, "PolyData"),
-        "Piece",
-        {f"NumberOf{name}": str(count) for name, count in counts.items()},
-    )
-    sections: dict[str, dict[str, np.ndarray]] = {
-        "PointData": point_data,
-        "CellData": cell_data,
-        "Points": {"Points": np.asarray(points, dtype=float)},
-        "Lines": {
-            "connectivity": nodes.astype(np.int64),
-            "offsets": np.cumsum([len(line) for line in lines]).astype(np.int64),
-        },
-    }
-    for section, arrays in sections.items():
-        ET.SubElement(piece, section).extend(
-            [array_element(name, values) for name, values in arrays.items()]
-        )
-    with staged(path) as folder:
-        ET.ElementTree(root).write(folder / path.name, encoding="utf-8", xml_declaration=True)
+    ends = np.cumsum([len(line) for line in lines])
+    write_poly_data(path, points, "Lines", nodes, ends, point_data, cell_data, "lines")

@@ -159,12 +159,40 @@ def write_vtp(
         MeshFileError: data of another length than points or triangles, or of a type that VTK
             files do not hold.
     """
+    ends = 3 * np.arange(1, len(triangles) + 1)
+    write_poly_data(
+        path, points, "Polys", triangles.reshape(-1), ends, point_data, cell_data, "triangles"
+    )
+
+
+def write_poly_data(
+    path: str | pathlib.Path,
+    points: Float[np.ndarray, "points 3"],
+    kind: str,
+    nodes: Int[np.ndarray, " nodes"],
+    ends: Int[np.ndarray, " cells"],
+    point_data: Mapping[str, np.ndarray] | None,
+    cell_data: Mapping[str, np.ndarray] | None,
+    what: str,
+) -> None:
+    """Write points and cells of one kind as a file of PolyData.
+
+    Args:
+        path: file to write.
+        points: positions.
+        kind: "Polys" or "Lines".
+        nodes: points of all cells, one cell after another.
+        ends: position in `nodes` behind the last point of each cell.
+        point_data: values at points by name.
+        cell_data: values of cells by name.
+        what: name of the cells in messages.
+
+    Raises:
+        MeshFileError: data of another length than points or cells.
+    """
     path = pathlib.Path(path)
     point_data, cell_data = dict(point_data or {}), dict(cell_data or {})
-    for where, data, size in (
-        ("points", point_data, len(points)),
-        ("triangles", cell_data, len(triangles)),
-    ):
+    for where, data, size in (("points", point_data, len(points)), (what, cell_data, len(ends))):
         wrong = [name for name, values in data.items() if len(values) != size]
         if wrong:
             raise MeshFileError(
@@ -179,23 +207,18 @@ def write_vtp(
         header_type="UInt32",
         compressor="vtkZLibDataCompressor",
     )
+    counts = dict.fromkeys(("Points", "Verts", "Lines", "Strips", "Polys"), 0)
+    counts |= {"Points": len(points), kind: len(ends)}
     piece = ET.SubElement(
         ET.SubElement(root, "PolyData"),
         "Piece",
-        NumberOfPoints=str(len(points)),
-        NumberOfVerts="0",
-        NumberOfLines="0",
-        NumberOfStrips="0",
-        NumberOfPolys=str(len(triangles)),
+        {f"NumberOf{name}": str(count) for name, count in counts.items()},
     )
     sections: dict[str, dict[str, np.ndarray]] = {
         "PointData": point_data,
         "CellData": cell_data,
         "Points": {"Points": np.asarray(points, dtype=float)},
-        "Polys": {
-            "connectivity": triangles.astype(np.int64).reshape(-1),
-            "offsets": 3 * np.arange(1, len(triangles) + 1, dtype=np.int64),
-        },
+        kind: {"connectivity": nodes.astype(np.int64), "offsets": ends.astype(np.int64)},
     }
     for section, arrays in sections.items():
         ET.SubElement(piece, section).extend(

@@ -47,12 +47,24 @@ def autoregressive_power(
     return jnp.where(k < 0.5 * n, power, jnp.inf)
 
 
-@partial(jax.jit)
+def with_power(batch: Measured) -> Measured:
+    """Records with a place for the power of their noise, NaN where it is not known.
+
+    With it the fits before and after the colour is learnt share one compilation.
+    """
+    if batch.wave_power is not None:
+        return batch
+    return dataclasses.replace(
+        batch, wave_power=jnp.full((*batch.wave_sd.shape, HARMONICS + 1), jnp.nan)
+    )
+
+
+@jax.jit
 def coloured(batch: Measured, residual: Float[Array, "b c d"]) -> Measured:
     """Records with the power of their noise by its colour, where no scatter of beats tells it.
 
     Args:
-        batch: records with waveforms and a leading axis.
+        batch: records with waveforms and a leading axis, see `with_power`.
         residual: whitened residuals of the base model.
     """
     return jax.vmap(_coloured)(batch, residual)
@@ -79,14 +91,13 @@ def _coloured(measured: Measured, residual: Float[Array, "c d"]) -> Measured:
     ratio = default[None, ..., 1:] / powers[..., 1:]
     high = jnp.asarray(np.arange(1, HARMONICS + 1) >= FIRST)
     used = high[None, None] & (square > 0.0) & jnp.isfinite(default[..., 1:])
-    if measured.wave_power is not None:
-        used = used & jnp.isnan(measured.wave_power[..., 1:])
+    known = measured.wave_power
+    assert known is not None
+    used = used & jnp.isnan(known[..., 1:])
     terms = jnp.where(used[None], jnp.log(ratio) - 0.5 * square[None] * ratio, 0.0)
     share = np.full(len(family), (1.0 - DEFAULT_SHARE) / (len(family) - 1))
     share[0] = DEFAULT_SHARE
     weight = jax.nn.softmax(jnp.sum(terms, axis=(1, 2, 3)) + jnp.asarray(np.log(share)))
     mixed = jnp.tensordot(weight, jnp.where(jnp.isfinite(powers), powers, 0.0), 1)
     mixed = jnp.where(jnp.isfinite(default), jnp.maximum(mixed, default), jnp.inf)
-    known = measured.wave_power
-    power = mixed if known is None else jnp.where(jnp.isnan(known), mixed, known)
-    return dataclasses.replace(measured, wave_power=power)
+    return dataclasses.replace(measured, wave_power=jnp.where(jnp.isnan(known), mixed, known))

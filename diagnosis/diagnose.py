@@ -24,7 +24,7 @@ from jaxtyping import Float
 from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.colour import coloured
+from diagnosis.colour import coloured, with_power
 from diagnosis.effects import SCALE, Effect, all_forms
 from diagnosis.engine import (
     ProgressCallback,
@@ -147,6 +147,8 @@ def diagnose(
             step="fitting the base model", progress=progress,
         )  # fmt: skip
 
+    if batch.n_sensors:
+        batch = with_power(batch)
     base = base_fits(base_start(batch))
     if batch.n_sensors and np.all(base.sound):
         batch = coloured(batch, base.residual)

@@ -40,7 +40,9 @@ READINGS: dict[str, tuple[str, tuple[tuple[str, float], ...]]] = {
     "equalisation check at the end": ("±0.5 mmHg a condition", (("wire_drift", 0.3),)),
     "height of the wire's sensor on CT": ("±0.5 cm", (("sensor_height", 0.4),)),
     "zeroing of the aortic transducer": ("±0.5 mmHg", (("aortic_zero_error", 0.5),)),
-    "flush test": ("±2 ms", (("catheter_damping", 0.002), ("signal_delay", 0.002))),
+    "flush test": (
+        "±2 ms", (("catheter_damping", 0.002), ("distal_damping", 0.002), ("signal_delay", 0.002)),
+    ),
     "left ventricular pressure": (
         "±5 %", (("intramyocardial_pump", 0.05), ("dobutamine_inotropy", 0.05)),
     ),

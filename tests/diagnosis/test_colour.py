@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from diagnosis import measured, stacked
-from diagnosis.colour import CORRELATION_TIMES, autoregressive_power, coloured
+from diagnosis.colour import CORRELATION_TIMES, autoregressive_power, coloured, with_power
 from diagnosis.measured import noise_power, weights
 from diagnosis.resolution import HARMONICS
 from tests.diagnosis.records import synthetic
@@ -29,7 +29,7 @@ def test_power_is_that_of_drawn_noise(time):
 
 def with_noise(power_of):
     """A record whose residuals are noise of some power, and these whitened by the default."""
-    record = stacked([measured(synthetic({}))])
+    record = with_power(stacked([measured(synthetic({}))]))
     shape = record.wave_sd.shape
     n = np.asarray(record.wave_samples)
     found = np.zeros((1, *np.asarray(weights(measured(synthetic({})))).shape))

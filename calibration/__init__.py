@@ -18,6 +18,13 @@ if TYPE_CHECKING:
     from calibration.fit import fit, fit_batch, stacked
     from calibration.free_parameter import FreeParameter
     from calibration.gauss_newton import DampedGaussNewton
+    from calibration.grid_convergence import (
+        MeshBand,
+        ThreeMeshes,
+        extrapolated,
+        mesh_band,
+        three_meshes,
+    )
     from calibration.identifiability import (
         Identifiability,
         RatioIdentifiability,
@@ -119,6 +126,7 @@ __all__ = [
     "LumenLosses",
     "LumenProfile",
     "MeasurementErrors",
+    "MeshBand",
     "NetworkExperiment",
     "Normal",
     "PressureFlowLaw",
@@ -132,6 +140,7 @@ __all__ = [
     "StressRatio",
     "Sweep",
     "Target",
+    "ThreeMeshes",
     "Trial",
     "Truncated",
     "Uncertainty",
@@ -152,6 +161,7 @@ __all__ = [
     "correction",
     "diastolic_target",
     "evaluate",
+    "extrapolated",
     "fit",
     "fit_batch",
     "fit_ramp",
@@ -167,6 +177,7 @@ __all__ = [
     "mean_flow_target",
     "mean_pressure_target",
     "measured_slope",
+    "mesh_band",
     "network_start",
     "next_alpha",
     "patient_inputs",
@@ -186,6 +197,7 @@ __all__ = [
     "synthetic_record",
     "systemic_windkessel",
     "systolic_target",
+    "three_meshes",
     "through_calibration",
     "uncertainty",
     "vessel_residuals",

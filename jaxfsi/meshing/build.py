@@ -168,7 +168,8 @@ def build_mesh(
             `jaxfsi.opening.canonical_order`.
         preset: ``coarse``, ``medium`` or ``fine``: about 30 000, 150 000 or 500 000 tetrahedra.
         elements_across: least number of elements across the width of the lumen (the minor axis of
-            a slit); the mesh grows beyond its preset where this asks for it.
+            a slit), where the mesh grows beyond the tetrahedra of its preset; None: 6 or 8 of
+            a medium or fine preset, two to three of a coarse one.
         wall_layers: layers of tetrahedra through the wall; 2 by splitting, more by smaller
             elements, 1 leaves what the size gives. Beside wedges one layer stands, for
             tetrahedra that bend.
@@ -185,6 +186,8 @@ def build_mesh(
         ValueError: the request or the anatomy cannot be meshed at all.
         MeshingError: no attempt gave a mesh that passes the checks.
     """
+    if elements_across is None and preset in PRESETS:
+        elements_across = PRESETS[preset].across
     request = MeshRequest(preset, elements_across, wall_layers, wedge_layers, backend)
     check_demands(anatomy, request, smallest=ATTEMPTS[-1].lattice.smallest)
     anatomy = dataclasses.replace(anatomy, openings=canonically_ordered(anatomy.openings))
@@ -285,7 +288,7 @@ def _surfaces(
     stages.enter("sizes")
     field = choose_sizes(
         sample_surface(anatomy, surfaces[0]),
-        target=round(attempt.refinement * PRESETS[request.preset]),
+        target=round(attempt.refinement * PRESETS[request.preset].tets),
         elements_across=request.elements_across,
         wall_layers=request.wall_layers,
     )

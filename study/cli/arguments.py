@@ -290,6 +290,12 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
         help="give each FFR an interval, with its causes; RUNS further runs in 3D of each condition"
         f" say how well 0D follows 3D: 0 to {MOST_DRAWN}, default: 0",
     )
+    command.add_argument(
+        "--mesh-error",
+        action=argparse.BooleanOptionalAction,
+        help="make the ramp on a second mesh as well, which says how far the mesh moves R0, flow"
+        " and FFR; default: unless --quick",
+    )
     _key_arguments(command, MeshOptions, "preset")
     _key_arguments(command, SolverOptions, "dt")
     command.add_argument(

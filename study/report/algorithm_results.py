@@ -27,7 +27,7 @@ from study.report.uncertainty_part import uncertainty_parts
 from study.run.lumen_parts import measured_states
 from study.run.patient import ratio_error
 from study.run.results import Run3D
-from study.run.study_parts import Sensitivity
+from study.run.study_parts import MeshErrorPart, Sensitivity
 from study.run.study_result import StudyResult
 from study.store.json_form import ABSENT
 from study.store.layouts import FORMAT
@@ -43,6 +43,9 @@ ORIGINS = {
 """Where the scale factor of a run comes from, in words."""
 
 _LARGE_OFFSET_MMHG, _LARGE_FLOW_L_PER_MIN = 4.0, 60.0
+
+MESH_BOUND = 0.1
+"""Mesh error of R0 that deserves a warning."""
 
 PERIODIC_MMHG = 1.0
 """Drift of the coronary bed in a run that counts as periodic."""
@@ -60,6 +63,7 @@ def study_document(
         provenance: see `study.store.provenance`.
     """
     case, mesh = result.case, result.mesh
+    found = result.mesh_error
     older = [("info", text) for text in older_parts(result.computed)]
     return StudyDocument(
         format=FORMAT,
@@ -93,6 +97,7 @@ def study_document(
         computed=result.computed,
         numerics=decided_by("study"),
         provenance=provenance,
+        mesh_error=found if isinstance(found, MeshErrorPart) else ABSENT,
         uncertainty=(
             ABSENT
             if result.uncertainty is None
@@ -261,6 +266,7 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
     if ramp.largest_drop_mmHg < 40.0:
         text = f"the ramp ends at {ramp.largest_drop_mmHg:.0f} mmHg: R0 at 40 is extrapolated"
         yield "warning", text
+    yield _mesh_note(result)
     if not result.loop.reached:
         yield (
             "warning",
@@ -293,6 +299,28 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
     yield from interval_notes(result.uncertainty)
     for law, reason in result.reduced.failures.items():
         yield "warning", f"the {law} surrogate could not be calibrated: {reason}"
+
+
+def _mesh_note(result: StudyResult) -> tuple[str, str]:
+    """How far the mesh moves the resistance, and with it the flow."""
+    found = result.mesh_error
+    if found is None:
+        return (
+            "info",
+            "the mesh error of R0 and flow was not estimated; --mesh-error does, by a ramp on a"
+            " second mesh",
+        )
+    if isinstance(found, str):
+        return "warning", f"the mesh error could not be estimated: {found}"
+    R0, flow = found.tangent_40_mmHg, found.rest_flow_ml_per_min
+    text = (
+        f"without mesh error R0 at 40 mmHg is expected to be {R0.expected:.0f} [{R0.low:.0f},"
+        f" {R0.high:.0f}] in place of {R0.value:.0f} dyn·s/cm⁵, and the flow at rest"
+        f" {flow.expected:.0f} [{flow.low:.0f},"
+        f" {flow.high:.0f}] in place of {flow.value:.0f} mL/min"
+    )
+    large = abs(R0.expected / R0.value - 1.0) > MESH_BOUND
+    return ("warning", f"{text}: take a finer mesh for them") if large else ("info", text)
 
 
 def _aortic_flow(run: Run3D, windkessel: WindkesselParameters) -> Iterator[tuple[str, str]]:

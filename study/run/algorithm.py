@@ -4,7 +4,8 @@
 2. α of the linear and of the quadratic surrogate at the measured resting ratio.
 3. 3D at rest with each, then with α corrected until the ratio in 3D is the measured one.
 4. 3D under every stress condition and rule; with the nominal outlet too, where asked for.
-5. Where asked for, what moves the ratios of the calibrated runs (`study.run.sensitivity`).
+5. Where asked for, what moves the ratios of the calibrated runs (`study.run.sensitivity`), and the
+   ramp on a second mesh (`study.run.mesh_error`).
 
 Every step is a stage that is kept (`study.store.stages`): the same call goes on where it was ended.
 
@@ -30,9 +31,10 @@ from study.run.anatomy_source import states_of
 from study.run.compile_ahead import compiled_ahead
 from study.run.computed_parts import computed_parts
 from study.run.drawn_runs import drawn_step, runs_beside_0d
-from study.run.fitted_ramp import fitted
+from study.run.fitted_ramp import FittedRamp, fitted
 from study.run.lumen_parts import motion_part
 from study.run.mesh import planned_steps
+from study.run.mesh_error import compared, fineness
 from study.run.pipeline import run_case
 from study.run.progress import Progress
 from study.run.ramp import ramp_key, ramp_plan, ramp_record
@@ -42,11 +44,12 @@ from study.run.reduced_results import CaseResult, Intervals
 from study.run.results import PlannedRun, Run3D, RunId, calibrated_runs
 from study.run.run_3d import LumenCollapsed, fsi_run, run_key
 from study.run.run_context import RunContext
+from study.run.second_mesh import SECOND, SECOND_RAMP, second
 from study.run.sensitivity import run_sensitivity
 from study.run.setup import STEP
-from study.run.study_choice import StudyChoice
+from study.run.study_choice import RampChoice, StudyChoice
 from study.run.study_context import check_study, open_context, with_curve
-from study.run.study_parts import MotionPart, Sensitivity
+from study.run.study_parts import MeshErrorPart, MotionPart, Sensitivity
 from study.run.study_result import StudyResult
 from study.store.json_form import as_json, from_json
 from study.store.result_files import FIELD_FOLDER
@@ -85,6 +88,9 @@ def run_study(
     context = with_curve(context, float(ramp.fit.law.R0), float(ramp.fit.law.K))
     progress.step("calibrating in 0D")
     reduced = run_case(context.case)
+    coarse = None
+    if choice.mesh_error and anatomy is not None:
+        coarse = _mesh_error(context, anatomy, choice.ramp, ramp)
     loop, runs = _calibrated(context, choice, reduced)
     best = runs[loop.best]
     stressed, collapsed = _stressed(context, choice, best)
@@ -110,6 +116,7 @@ def run_study(
         failures=failures,
         collapsed=collapsed,
         computed=computed_parts(context, [run.id for run in runs], list(found)),
+        mesh_error=coarse,
         uncertainty=uncertain,
     )
 
@@ -126,6 +133,8 @@ def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
     # what follows the ramp is compiled beside it
     plan = {**planned_steps(case, states_of(case)[:1]), RAMP: 2.0 * _COMPILE + ramp}
     plan["calibrating in 0D"] = 10.0
+    if choice.mesh_error:
+        plan[SECOND_RAMP] = plan[RAMP]
     if choice.paper:
         plan[_step(PAPER, "rest", None)] = seconds("rest")
     plan[_step(CURVE, "rest", None)] = seconds("rest")
@@ -142,6 +151,21 @@ def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
     for condition in choice.sensitivities:
         plan[f"derivatives: {condition}"] = 2.0 * _COMPILE + 8.0 * seconds(condition)
     return {**plan, "measuring the lumen": 10.0, "drawing": 40.0, "writing the report": 3.0}
+
+
+def _mesh_error(
+    context: RunContext, anatomy: Anatomy, choice: RampChoice, ramp: FittedRamp
+) -> MeshErrorPart | str:
+    """What the ramp on a second mesh says; or why there is none, for which no study ends."""
+    try:
+        case, folder = second(context.case), context.folder / SECOND
+        there, _ = open_context(case, folder, context.choice, context.progress)
+        context.progress.step(SECOND_RAMP)
+        other = fitted(ramp_record(there, choice), choice).fit
+        across = fineness(context.mesh, anatomy), fineness(there.mesh, anatomy)
+        return compared(context.case, (ramp.fit, other), across, len(there.mesh.tets))
+    except (ValueError, RuntimeError) as error:
+        return " ".join(str(error).split())
 
 
 def _step(label: str, condition: str, rule: str | None) -> str:

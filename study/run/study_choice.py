@@ -49,6 +49,7 @@ class StudyChoice:
         sensitivities: conditions whose calibrated run is differentiated.
         drawn: runs of each condition under stress with drawn numbers, for the interval of FFR;
             None: no interval.
+        mesh_error: whether the ramp is also made on a second mesh.
     """
 
     run: RunChoice = dataclasses.field(default_factory=RunChoice)
@@ -58,3 +59,4 @@ class StudyChoice:
     paper: bool = True
     sensitivities: tuple[str, ...] = ()
     drawn: int | None = None
+    mesh_error: bool = False

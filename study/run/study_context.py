@@ -16,6 +16,7 @@ from study.run.opening_checks import check_names, check_openings
 from study.run.patient import stress_rules
 from study.run.progress import Progress
 from study.run.run_context import RunContext
+from study.run.second_mesh import second_faults
 from study.run.setup import check_simulation
 from study.run.study_choice import RunChoice, StudyChoice
 from study.store.meshes import mesh_key
@@ -51,6 +52,8 @@ def check_study(case: Case, choice: StudyChoice) -> None:
     if choice.sensitivities and choice.run.continued:
         problem = "a run that goes on from rest cannot be differentiated alone"
         faults.append(Fault(case.path, "", None, problem, "", "leave --continued out"))
+    if choice.mesh_error:
+        faults += second_faults(case)
     if faults:
         raise CaseError(faults)
     if isinstance(case.anatomy, MeshAnatomy):
@@ -83,6 +86,10 @@ def open_context(
 
 def with_curve(context: RunContext, a: float, b: float) -> RunContext:
     """The context whose case has a ramp's curve for surrogate, a [dyn·s/cm⁵], b [dyn·s²/cm⁸]."""
-    case = context.case
+    return dataclasses.replace(context, case=case_with_curve(context.case, a, b))
+
+
+def case_with_curve(case: Case, a: float, b: float) -> Case:
+    """The case that has a ramp's curve for surrogate, a [dyn·s/cm⁵], b [dyn·s²/cm⁸]."""
     curve = SurrogateParameters(R0=a, K=b, C0=case.surrogate.C0, law=QUADRATIC)
-    return dataclasses.replace(context, case=dataclasses.replace(case, surrogate=curve))
+    return dataclasses.replace(case, surrogate=curve)

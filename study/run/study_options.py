@@ -6,6 +6,7 @@ from lumped import MMHG
 from study.case.advice import nearest
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
+from study.run.second_mesh import has_second
 from study.run.study_choice import RampChoice, RunChoice, StudyChoice
 from study.store.options import StudyOptions
 
@@ -64,4 +65,9 @@ def study_choice(case: Case, options: StudyOptions) -> StudyChoice:
         paper=not options.quick if options.paper is None else options.paper,
         sensitivities=options.sensitivities or (),
         drawn=options.uncertainty,
+        mesh_error=(
+            has_second(case) and not options.quick
+            if options.mesh_error is None
+            else options.mesh_error
+        ),
     )

@@ -194,6 +194,48 @@ class RampPart:
     power: RampPower | Absent = ABSENT
 
 
+@dataclasses.dataclass(frozen=True)
+class Band:
+    """A number of a mesh, and where it lies without mesh error.
+
+    Attributes:
+        value: on the mesh.
+        expected: without mesh error, with the usual order.
+        low: least over the orders.
+        high: largest over the orders.
+    """
+
+    value: float
+    expected: float
+    low: float
+    high: float
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshErrorPart:
+    """Mesh error of a ramp from one on a second mesh, see `calibration.grid_convergence`.
+
+    Attributes:
+        elements_across: across the lumen, which 95 % of the blood's tetrahedra reach.
+        second_elements_across: the same of the second mesh.
+        second_tets: its tetrahedra.
+        orders: least, usual and largest order of the error.
+        tangent_40_mmHg: slope of the curve at 40 mmHg [dyn·s/cm⁵].
+        alpha: scale of the anomalous outlet, tuned in 0D with each curve [-].
+        rest_flow_ml_per_min: mean flow of the anomalous artery at rest with it.
+        ffr: FFR with it, by condition under stress [-].
+    """
+
+    elements_across: float
+    second_elements_across: float
+    second_tets: int
+    orders: list[float]
+    tangent_40_mmHg: Band
+    alpha: Band
+    rest_flow_ml_per_min: Band
+    ffr: dict[str, Band]
+
+
 class Sensitivity(NamedTuple):
     """What moves the ratio of a run.
 

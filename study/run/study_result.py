@@ -11,7 +11,7 @@ from study.run.fitted_ramp import FittedRamp
 from study.run.reduced_results import CaseResult, Intervals
 from study.run.results import Run3D, calibrated_runs
 from study.run.study_choice import StudyChoice
-from study.run.study_parts import Computed, MotionPart, Sensitivity
+from study.run.study_parts import Computed, MeshErrorPart, MotionPart, Sensitivity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +34,8 @@ class StudyResult:
         failures: why a run has none, by the same.
         collapsed: when and where the lumen collapsed, by id of the run under stress that it ended.
         computed: when each part was computed, and by which code.
+        mesh_error: what a second mesh says of the ramp, or why it says nothing; None: not asked
+            for.
         uncertainty: FFR in 3D with its interval, of each condition under stress that has a run;
             None: not asked for.
     """
@@ -53,6 +55,7 @@ class StudyResult:
     failures: dict[str, str]
     collapsed: dict[str, str]
     computed: Computed
+    mesh_error: MeshErrorPart | str | None = None
     uncertainty: Intervals | None = None
 
     @property

@@ -227,6 +227,7 @@ class StudyOptions(CaseOptions):
         quick: coarse mesh, long steps, a fast ramp, one stress condition.
         uncertainty: runs in 3D with drawn numbers of each condition, for an interval of each FFR;
             None: no interval.
+        mesh_error: whether the ramp is also made on a second mesh; None: unless `quick`.
     """
 
     preset: str | None = None
@@ -241,6 +242,7 @@ class StudyOptions(CaseOptions):
     ramp_rate: float | None = None
     quick: bool = False
     uncertainty: int | None = None
+    mesh_error: bool | None = None
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,13 @@ from typing import Any
 from study.report.documents.parts import AlphaCurve, Headline, Note
 from study.report.documents.uncertainty import UncertainFFR
 from study.run.results import Run3D
-from study.run.study_parts import Computed, MeasuredLumen, MotionPart, RampPart
+from study.run.study_parts import (
+    Computed,
+    MeasuredLumen,
+    MeshErrorPart,
+    MotionPart,
+    RampPart,
+)
 from study.store.json_form import ABSENT, Absent, under
 from study.store.provenance import Provenance
 
@@ -223,6 +229,7 @@ class StudyDocument:
         computed: when each part was computed, and by which code.
         numerics: what decides the numbers, see `study.store.numerics`.
         provenance: inputs, options, versions.
+        mesh_error: what a second mesh says of the ramp; absent without `--mesh-error`.
         uncertainty: FFR in 3D of each condition under stress with an interval; absent without
             `--uncertainty`.
     """
@@ -255,4 +262,5 @@ class StudyDocument:
     computed: Computed
     numerics: dict[str, Any]
     provenance: Provenance
+    mesh_error: MeshErrorPart | Absent = ABSENT
     uncertainty: list[UncertainFFR] | Absent = ABSENT

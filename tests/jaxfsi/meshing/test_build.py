@@ -7,7 +7,14 @@ import pytest
 from jaxfsi.anatomy import adult_anatomy, paediatric_anatomy, sample_anatomies, synthetic_anatomy
 from jaxfsi.mesh import Mesh, Region
 from jaxfsi.mesh_checks import check_mesh
-from jaxfsi.meshing import MeshingError, MeshResult, build, build_mesh, elements_across
+from jaxfsi.meshing import (
+    PRESETS,
+    MeshingError,
+    MeshResult,
+    build,
+    build_mesh,
+    elements_across,
+)
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +177,15 @@ def test_lumen_too_thin_for_the_lattice_is_refused(branched_tube):
 def test_vessels_that_do_not_touch_are_refused(branched_tube):
     with pytest.raises(ValueError, match="'anomalous_outlet' is not joined"):
         build_mesh(branched_tube(joined=False, septum=0.3), preset="coarse")
+
+
+@pytest.mark.slow
+def test_medium_preset_says_how_many_elements_cross_the_lumen(anatomy):
+    mesh, report = build_mesh(anatomy, preset="medium")
+    across = PRESETS["medium"].across
+    assert report.settings["elements_across"] == across == 6
+    # single tetrahedra scatter about the size asked for, nineteen of twenty within a tenth
+    assert np.percentile(elements_across(mesh, anatomy), 5) > 0.9 * 6
 
 
 @pytest.mark.slow

@@ -8,10 +8,14 @@ import re
 import reprlib
 from collections.abc import Sequence
 
-from jaxfsi.text_files import bad_byte
+from jaxfsi.text_files import bad_byte, regular_bytes
+from jaxfsi.toml_lines import KeyLines, key_lines
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]{1,80}")
 _LARGEST_SHOWN_INTEGER = 10**18
+
+LARGEST_SIZE = 2**20
+"""Size beyond which a file is taken for something else than TOML [bytes]."""
 
 MOST_SHOWN = 10
 """Faults of one file that are said in full; of those beyond only the number is."""
@@ -33,6 +37,7 @@ class Fault:
         problem: what is wrong.
         allowed: what would have been accepted; empty when that needs no saying.
         cure: what to try.
+        line: where it stands in the file, from 1; None where that is not known.
     """
 
     file: pathlib.Path
@@ -41,17 +46,29 @@ class Fault:
     problem: str
     allowed: str
     cure: str
+    line: int | None = None
 
     def __str__(self) -> str:
         """The fault in two lines: what happened, and what to try."""
+        return f"{self.where}: {self.what}\n    try: {self.cure}"
+
+    @property
+    def where(self) -> str:
+        """The file with the line, `case.toml:41`."""
+        return printable(self.file) + ("" if self.line is None else f":{self.line}")
+
+    @property
+    def what(self) -> str:
+        """The key with its value, what is wrong with it, and what is allowed."""
         found = "" if self.value is None else f" = {shown(self.value)}"
-        where = f"{printable(self.file)}: {self.key}{found}: " if self.key else f"{self.file}: "
         allowed = f" (allowed: {self.allowed})" if self.allowed else ""
-        return f"{where}{self.problem}{allowed}\n    try: {self.cure}"
+        return f"{f'{self.key}{found}: ' if self.key else ''}{self.problem}{allowed}"
 
 
 class CaseError(ValueError):
     """An input file was refused; every fault found in it is reported at once.
+
+    The lines at which their keys stand are looked up here, whoever found them.
 
     Attributes:
         faults: the faults, in the order in which the tables are read.
@@ -59,7 +76,7 @@ class CaseError(ValueError):
 
     def __init__(self, faults: Sequence[Fault]):
         ValueError.__init__(self, list(faults))
-        self.faults: list[Fault] = list(faults)
+        self.faults: list[Fault] = _located(faults)
 
     def __str__(self) -> str:
         """The first faults of each file, two lines each, and how many there are beyond."""
@@ -76,6 +93,30 @@ class CaseError(ValueError):
             if number > MOST_SHOWN
         ]
         return "\n".join(lines)
+
+
+def _located(faults: Sequence[Fault]) -> list[Fault]:
+    """The faults with the lines of their keys, where their files are TOML."""
+    known: dict[pathlib.Path, KeyLines | None] = {}
+    found = []
+    for fault in faults:
+        if fault.key and fault.line is None:
+            if fault.file not in known:
+                known[fault.file] = _lines_of(fault.file)
+            lines = known[fault.file]
+            line = None if lines is None else lines.line(fault.key)
+            fault = dataclasses.replace(fault, line=line)
+        found.append(fault)
+    return found
+
+
+def _lines_of(file: pathlib.Path) -> KeyLines | None:
+    try:
+        if file.stat().st_size > LARGEST_SIZE:
+            return None
+        return key_lines(regular_bytes(file).decode("utf-8-sig"))
+    except (OSError, ValueError):
+        return None
 
 
 def shown(value: object) -> str:

@@ -26,6 +26,9 @@ FOLDER = pathlib.Path(__file__).parents[1] / "data" / "schema"
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _TITLES = {"case": "A patient case of jaxfsi", "record": "A measured record of jaxfsi"}
+KINDS = tuple(_TITLES)
+"""Kinds of files that have a schema."""
+
 _FROM_NAME = "drug"
 """A key that is required, unless the name of its condition says it."""
 

@@ -27,11 +27,11 @@ This page is written by `python -m study.case.reference`: do not edit it.
 A *case file* (`case.toml`) holds what is known of a patient, a *record* (`record.toml` in a folder)
 what was measured. Both are TOML and share one syntax. `jaxfsi template` prints a commented case
 file, `jaxfsi template --record` a record; `--schema` prints the JSON Schema of either, which also
-lies in `study/data/schema/`.
+lies in `study/data/schema/` and lets [an editor](howto/command-line.md) complete keys.
 
 - A key that carries a unit ends in it: `P_systolic_mmHg`. A key in another unit is refused, with
   the converted value in the message.
-- All faults of a file are reported together: file, key, value, allowed range, what to try.
+- All faults of a file are reported together: file and line, key, value, allowed range, what to try.
 - Any table takes `source = "..."` (where its values come from) and `notes = "..."`.
 - Python sees CGS units and the names of the last column: `study.read_case(path).wall.rho_s` is in
   g/cm3, angles are in rad.

@@ -5,10 +5,7 @@ import re
 import tomllib
 from typing import Any
 
-from study.case.faults import CaseError, Fault, shown, unreadable
-
-LARGEST_SIZE = 2**20
-"""Size beyond which a file is taken for something else [bytes]."""
+from study.case.faults import LARGEST_SIZE, CaseError, Fault, shown, unreadable
 
 MOST_PARTS = 32
 """Parts of a dotted key beyond which a file is refused: reading takes the square of them."""
@@ -65,12 +62,13 @@ def read_document(file: pathlib.Path) -> dict[str, Any]:
     if long is not None:
         line = text.count("\n", 0, long.start()) + 1
         problem = f"a key in line {line} has more than {MOST_PARTS} parts, {shown(long[0])}"
-        raise _refusal(file, problem, "a key has one part, or three: condition.rest.ffr")
+        raise _refusal(file, problem, "a key has one part, or three: condition.rest.ffr", line)
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         cure = "correct the syntax there: key = value, texts in quotes, each key once a table"
-        raise _refusal(file, f"not valid TOML{_syntax(str(error), text)}", cure) from None
+        where, line = _syntax(str(error), text)
+        raise _refusal(file, f"not valid TOML{where}", cure, line) from None
     except RecursionError:
         cure = "a case file needs two levels of tables; remove the brackets that are too many"
         raise _refusal(file, "lists or tables are nested too deeply", cure) from None
@@ -109,17 +107,17 @@ def _read_text(file: pathlib.Path) -> str:
         raise _refusal(file, problem, cure) from None
 
 
-def _refusal(file: pathlib.Path, problem: str, cure: str) -> CaseError:
-    return CaseError([Fault(file, "", None, problem, "", cure)])
+def _refusal(file: pathlib.Path, problem: str, cure: str, line: int | None = None) -> CaseError:
+    return CaseError([Fault(file, "", None, problem, "", cure, line)])
 
 
-def _syntax(said: str, text: str) -> str:
-    """Where a syntax error lies and what it is, from what the reader says."""
+def _syntax(said: str, text: str) -> tuple[str, int | None]:
+    """Where a syntax error lies and what it is, from what the reader says, and its line."""
     meant = next((words for start, words in _SYNTAX if said.startswith(start)), "")
     reason = f": {meant}" if meant else ""
     place = re.search(r"\(at line (\d+), column (\d+)\)$", said)
     if place is None:
-        return f" at its end{reason}"
+        return f" at its end{reason}", text.rstrip().count("\n") + 1
     lines = text.replace("\r\n", "\n").split("\n")
     line = lines[min(int(place[1]), len(lines)) - 1].strip()
-    return f" at line {place[1]}, column {place[2]}{reason}, in {shown(line)}"
+    return f" at line {place[1]}, column {place[2]}{reason}, in {shown(line)}", int(place[1])

@@ -5,14 +5,13 @@ import pathlib
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
+from study.cli.work import work
 from study.report.algorithm_report import write_study
 from study.run.algorithm import run_study
-from study.run.progress import Progress
 from study.run.study_context import check_study
 from study.run.study_options import study_case, study_choice
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
-from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import StudyOptions
 from study.store.result_files import STAGE_FOLDER
@@ -27,7 +26,7 @@ def algorithm_command(request: Request[StudyOptions], case: Case, folder: pathli
     case = study_case(case, request.options)
     choice = study_choice(case, request.options)
     check_study(case, choice)
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = provenance(case, request.words, request.options)
         make_way(folder, {"kind": "study", "provenance": as_json(origin)}, note)
         try:

@@ -5,6 +5,7 @@ import importlib.util
 import math
 from collections.abc import Callable
 
+from study.case import json_schema
 from study.case.advice import nearest
 from study.case.catheter.columns import column_map
 from study.report.documents import document_kinds
@@ -59,12 +60,17 @@ def formats(text: str) -> tuple[str, ...]:
 def document_kind(text: str) -> str:
     """A kind of stored result, as its document says it under `kind`, or the command's name."""
     kind = text.removesuffix("-measurement")
-    if kind in document_kinds():
+    if kind in schema_kinds():
         return kind
-    close = nearest(text, document_kinds())
-    known = f"choose from {', '.join(document_kinds())}"
+    close = nearest(text, schema_kinds())
+    known = f"choose from {', '.join(schema_kinds())}"
     cure = known if close is None else f"try {close}, or {known}"
     raise argparse.ArgumentTypeError(f"there is no kind of result {text!r}; {cure}")
+
+
+def schema_kinds() -> list[str]:
+    """Kinds of results and of input files that have a JSON Schema."""
+    return [*document_kinds(), *json_schema.KINDS]
 
 
 def columns(text: str) -> dict[str, str]:

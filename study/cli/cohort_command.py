@@ -7,22 +7,20 @@ import pathlib
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
+from study.cli.work import work
 from study.report.cohort_report import cohort_report
 from study.report.cohort_results import cohort_document
 from study.run.cohort import run_cohort
+from study.run.expected_times import CASE_SECONDS
 from study.run.members import Member
-from study.run.progress import Progress
 from study.store.case_inputs import inputs_of
 from study.store.earlier_run import make_way
-from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import CohortOptions
 from study.store.output import write_files
 from study.store.provenance import Provenance, made_by
 from study.store.result_files import COHORT_FILE, COHORT_PAGE
 from study.store.stored_document import to_json
-
-_SECONDS = {"curve": 60.0, "3d": 3000.0}
 
 
 def cohort_command(
@@ -47,19 +45,19 @@ def cohort_command(
     """
     options = request.options
     extra = options.options or ()
-    with at_work(out, note), Progress() as progress:
+    with work(request, out) as progress:
         origin = _provenance(request, cases)
         make_way(out, {"kind": "cohort", "provenance": as_json(origin)}, note)
         workers = options.workers or os.cpu_count() or 1
         rounds = -(-len(members) // workers)
-        progress.plan({"cases": _SECONDS[options.mode] * rounds, "writing the report": 3.0})
+        progress.plan({"cases": CASE_SECONDS[options.mode] * rounds, "writing the report": 3.0})
         progress.step("cases")
         results = run_cohort(
             members,
             options.mode,
             extra=extra,
             workers=options.workers,
-            expected=_SECONDS[options.mode],
+            expected=CASE_SECONDS[options.mode],
             tell=lambda text, _, left: progress.tell(text, left),
         )
         progress.step("writing the report")

@@ -10,6 +10,7 @@ tuned to one patient. Research software, not a medical device.
 EPILOG = f"""\
 examples:
   jaxfsi template > case.toml             start a case file; --record a measured record
+  jaxfsi check case.toml                  what is wrong with it, and what can be run
   jaxfsi run --demo                       the real patient that comes with the package
   jaxfsi run case.toml                    results in case-results/, report.html first
   jaxfsi mesh case.toml                   mesh of blood and wall, with pictures
@@ -17,6 +18,7 @@ examples:
 
 exit status: 0 done, 1 the computation failed, 2 the input was refused, 130 interrupted.
 Compiled code is kept in the user's cache folder; {VARIABLE} names another folder, or off.
+NO_COLOR=1 leaves colours out; JAXFSI_TRACEBACK=1 shows where a computation failed.
 """
 
 HELP = {
@@ -176,6 +178,19 @@ examples:
   jaxfsi show case-results --out elsewhere
   jaxfsi show case-results --beside rigid-results --out elsewhere   switch between two walls
   jaxfsi show --schema study                    what the keys of study.json mean, with units
+  jaxfsi show --schema case                     what an editor checks a case file with
+""",
+    ),
+    "check": (
+        "say what is wrong with case files and records, and what can be run; compute nothing",
+        """\
+examples:
+  jaxfsi check case.toml
+  jaxfsi check patients/*.toml record/
+  jaxfsi check case.toml --json
+
+prints a line for each fault, FILE:LINE: what is wrong; what to try. The files that a case names are
+read too. Exit status: 0 all can be used, 2 there are faults.
 """,
     ),
     "template": (
@@ -183,12 +198,45 @@ examples:
         """\
 examples:
   jaxfsi template > case.toml
-  jaxfsi template --out new-patient             writes new-patient/case.toml
+  jaxfsi template --out new-patient             writes new-patient/case.toml, with its schema
   jaxfsi template --record --out new-record     writes new-record/record.toml and rest.csv
   jaxfsi template --schema > case.schema.json   what an editor checks a case file with
 
 a case is what is known of a patient, for run and study; a record is what was measured, for
-diagnose.
+diagnose. The schema that is written beside the file lets editors complete its keys and check it.
+""",
+    ),
+    "doctor": (
+        "check this installation: packages, devices, meshers, caches, locks left behind",
+        """\
+examples:
+  jaxfsi doctor
+  jaxfsi doctor --json
+
+meshes a cube with each mesher in a process of its own, compiles and times a small program, and
+looks for what is left in the working folder. Every problem comes with its cure. Exit status: 0 all
+is well, 1 something is wrong.
+""",
+    ),
+    "cache": (
+        "say what is kept in the cache folder, or remove it",
+        """\
+examples:
+  jaxfsi cache info
+  jaxfsi cache clear                 asks first
+  jaxfsi cache clear --yes
+
+the cache holds compiled code, meshes and how long steps took. Without it everything is computed
+anew, with the same results. Files that jaxfsi did not write stay.
+""",
+    ),
+    "completion": (
+        "print a script that lets a shell complete commands and options",
+        """\
+examples:
+  jaxfsi completion bash > ~/.local/share/bash-completion/completions/jaxfsi
+  jaxfsi completion zsh > "${fpath[1]}/_jaxfsi"
+  jaxfsi completion fish > ~/.config/fish/completions/jaxfsi.fish
 """,
     ),
 }

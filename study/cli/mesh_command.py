@@ -7,14 +7,13 @@ from collections.abc import Mapping
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
+from study.cli.work import work
 from study.report.mesh_results import embedded, mesh_document, write_meshes
 from study.report.page import html_report
 from study.run.mesh import chosen_states, mesh_states
-from study.run.progress import Progress
 from study.run.solver_input import input_or_reason
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
-from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.meshes import StateMesh
 from study.store.options import MeshCommandOptions
@@ -36,7 +35,7 @@ def mesh_command(request: Request[MeshCommandOptions], case: Case, folder: pathl
     chosen = {name: value for name, value in given.items() if value is not None}
     case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, **chosen))
     states = chosen_states(case, options.state)
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = provenance(case, request.words, options)
         meshes = mesh_states(case, states, progress)
         progress.step("writing the files")

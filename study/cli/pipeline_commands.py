@@ -2,9 +2,12 @@
 
 import pathlib
 
+import numpy as np
+
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
+from study.cli.work import work
 from study.report.mesh_results import embedded, write_meshes
 from study.report.page import html_report
 from study.report.results import calibration_document, case_document
@@ -13,12 +16,10 @@ from study.report.sweep_results import sweep_document, sweep_table
 from study.run.anatomy_source import states_of
 from study.run.mesh import coarse, coarse_mesh, planned_steps
 from study.run.pipeline import run_case
-from study.run.progress import Progress
 from study.run.sweep import sweep_case
 from study.run.tuning import calibrate_case
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
-from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import CalibrateOptions, RunOptions, SweepOptions
 from study.store.output import write_files
@@ -36,7 +37,7 @@ from study.store.stored_document import to_json
 def run_command(request: Request[RunOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Calibrate, predict every condition, write the report."""
     options = request.options
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = provenance(case, request.words, request.options)
         meshing = options.demo if options.mesh is None else options.mesh
         if meshing:
@@ -59,7 +60,7 @@ def calibrate_command(
     request: Request[CalibrateOptions], case: Case, folder: pathlib.Path
 ) -> Answer:
     """Find the scale of the outlet's resistances."""
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = provenance(case, request.words, request.options)
         patient, tuning = calibrate_case(case, progress=progress)
         document = as_json(calibration_document(patient, tuning, origin))
@@ -74,12 +75,12 @@ def calibrate_command(
 def sweep_command(request: Request[SweepOptions], case: Case, folder: pathlib.Path) -> Answer:
     """Ratios and flows over a range of that scale."""
     options = request.options
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = provenance(case, request.words, request.options)
         progress.plan({"sweeping alpha": 8.0})
         progress.step("sweeping alpha")
         found = sweep_case(
-            case, options.alpha.values(), condition=options.condition, rule=options.rule
+            case, np.geomspace(*options.alpha), condition=options.condition, rule=options.rule
         )
         document = as_json(sweep_document(found, origin))
         files = {

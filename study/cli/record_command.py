@@ -7,6 +7,7 @@ from diagnosis import Record
 from study.case.read import read_case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
+from study.cli.work import work
 from study.report.diagnosis_report import diagnosis_report
 from study.report.diagnosis_results import diagnosis_document
 from study.report.documents.diagnose import DiagnoseDocument
@@ -18,7 +19,6 @@ from study.run.progress import Progress
 from study.run.ratio_uncertainty import uncertain_ratios
 from study.run.reduced_results import Intervals
 from study.store.earlier_run import make_way
-from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import DiagnoseOptions, PlanOptions, RecordOptions
 from study.store.output import write_files
@@ -47,7 +47,7 @@ def diagnose_command(
     """
     options = request.options
     record, remarks = _known(options, record, remarks)
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = record_origin(request.words, options)
         study = study_in_3d(options, record, progress)
         diagnosis = diagnose_record(record, options.richness, progress)
@@ -81,7 +81,7 @@ def plan_command(
     """
     options = request.options
     record, _ = _known(options, record, remarks)
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = record_origin(request.words, options)
         intervals = _intervals(options.case, progress)
         document = as_json(plan_document(record, plan_record(record, progress), origin, intervals))

@@ -20,6 +20,8 @@ class Request(Generic[_Options]):
         words: the command line.
         out: folder for the output; None: the default of the command.
         json: whether one JSON object is printed, and nothing else.
+        quiet: whether nothing but results and complaints is printed.
+        dry_run: whether it only says what would be done.
     """
 
     command: str
@@ -27,6 +29,8 @@ class Request(Generic[_Options]):
     words: tuple[str, ...]
     out: pathlib.Path | None
     json: bool
+    quiet: bool = False
+    dry_run: bool = False
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -78,3 +82,46 @@ class TemplateOptions(Options):
 
     record: bool = False
     schema: bool = False
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CheckOptions(Options):
+    """Options of `check`.
+
+    Attributes:
+        cases: case files, records, or folders of records.
+    """
+
+    cases: tuple[pathlib.Path, ...]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CacheOptions(Options):
+    """Options of `cache`.
+
+    Attributes:
+        action: `info` or `clear`.
+        yes: whether `clear` removes without asking.
+    """
+
+    action: str
+    yes: bool = False
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class DoctorOptions(Options):
+    """Options of `doctor`; there are none.
+
+    The class tells that the command takes no input.
+    """
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class CompletionOptions(Options):
+    """Options of `completion`.
+
+    Attributes:
+        shell: for which the script is.
+    """
+
+    shell: str

@@ -1,12 +1,14 @@
 """The command `simulate`."""
 
 import dataclasses
+import logging
 import pathlib
 
 from jaxfsi.simulation.cycles import inlet_of
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
+from study.cli.work import work
 from study.report.page import simulation_report
 from study.report.pictures import Drawn, embedded_pictures, write_simulation_pictures
 from study.report.simulation_pictures import draw_simulation
@@ -15,18 +17,18 @@ from study.report.study_vessel import simulation_vessel, vessel_files, vessel_na
 from study.run.lumen_collapse import anatomy_of
 from study.run.mesh import chosen_state, mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
-from study.run.progress import Progress
 from study.run.setup import check_simulation, plan_steps, prepare_simulation
 from study.run.simulation import STEP_NAME, march_seconds, run_simulation
 from study.run.simulation_data import Outcome
 from study.store.case_inputs import provenance
 from study.store.earlier_run import can_go_on, make_way, set_run_aside
-from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import SimulateOptions
 from study.store.output import write_files
 from study.store.result_files import SERIES_FILE, SIMULATION_FILE, SIMULATION_PAGE
 from study.store.stored_document import to_json
+
+_LOG = logging.getLogger(__name__)
 
 
 def simulate_command(request: Request[SimulateOptions], case: Case, folder: pathlib.Path) -> Answer:
@@ -38,7 +40,7 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
     if options.preset is not None:
         case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=options.preset))
     state = chosen_state(case, options.state)
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = provenance(case, request.words, options)
         progress.plan(
             {
@@ -78,7 +80,10 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
             fill=lambda part: write_simulation_pictures(part, drawn),
             before=lambda names: make_way(folder, document, note, names),
         )
-    return Answer(document, written, _ending(outcome, folder))
+        ending = _ending(outcome, folder)
+        if ending is not None:
+            _LOG.warning("%s", ending)
+    return Answer(document, written, ending)
 
 
 def _ending(outcome: Outcome, folder: pathlib.Path) -> BaseException | None:

@@ -7,15 +7,14 @@ from lumped.units import MM
 from study.case.model import Case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
+from study.cli.work import work
 from study.report.page import wall_report
 from study.report.wall_results import wall_document
 from study.run.measured_states import check_compared, fitted_names, measured_states
 from study.run.mesh import planned_steps
-from study.run.progress import Progress
 from study.run.wall_calibration import calibrate_wall
 from study.store.case_inputs import provenance
 from study.store.earlier_run import make_way
-from study.store.folder_lock import at_work
 from study.store.json_form import as_json
 from study.store.options import WallOptions
 from study.store.output import write_files
@@ -32,7 +31,7 @@ def wall_command(request: Request[WallOptions], case: Case, folder: pathlib.Path
     check_compared(case, states, options.course * MM)
     image, *others = (state.name for state in states)
     fitted_names(case, others, options.fit)
-    with at_work(folder, note), Progress() as progress:
+    with work(request, folder) as progress:
         origin = provenance(case, request.words, options)
         progress.plan(
             {

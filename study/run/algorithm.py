@@ -78,7 +78,7 @@ def run_study(
     """
     check_study(case, choice)
     progress = progress or Progress()
-    progress.plan(_plan(case, choice))
+    progress.plan(study_steps(case, choice))
     context, anatomy = open_context(case, folder, choice.run, progress)
     progress.step(RAMP)
     record = ramp_record(context, choice.ramp, compiled_ahead(context))
@@ -121,8 +121,8 @@ def run_study(
     )
 
 
-def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
-    """Steps with the seconds that each usually takes."""
+def study_steps(case: Case, choice: StudyChoice) -> dict[str, float]:
+    """Steps of a study with the seconds that each usually takes."""
     dt = choice.run.dt or case.solver.dt or STEP
 
     def seconds(condition: str) -> float:
@@ -135,14 +135,8 @@ def _plan(case: Case, choice: StudyChoice) -> dict[str, float]:
     plan["calibrating in 0D"] = 10.0
     if choice.mesh_error:
         plan[SECOND_RAMP] = plan[RAMP]
-    if choice.paper:
-        plan[_step(PAPER, "rest", None)] = seconds("rest")
-    plan[_step(CURVE, "rest", None)] = seconds("rest")
-    plan[_step(f"{LOOP}1", "rest", None)] = seconds("rest")
-    if choice.nominal:
-        plan[_step(NOMINAL, "rest", None)] = seconds("rest")
-    for label, condition, rule in _stress_names(case, choice):
-        plan[_step(label, condition, rule)] = seconds(condition)
+    for run in planned_runs(case, choice):
+        plan[run_step(run)] = seconds(run.condition)
     for condition in {} if choice.drawn is None else case.conditions:
         if condition != "rest":
             for k in range(choice.drawn or 0):
@@ -168,10 +162,19 @@ def _mesh_error(
         return " ".join(str(error).split())
 
 
-def _step(label: str, condition: str, rule: str | None) -> str:
+def planned_runs(case: Case, choice: StudyChoice) -> list[RunId]:
+    """The runs of a study but for corrections of α beyond the first, in their order."""
+    rest = [*([PAPER] if choice.paper else []), CURVE, f"{LOOP}1"]
+    rest += [NOMINAL] if choice.nominal else []
+    stressed = [RunId(*names) for names in _stress_names(case, choice)]
+    return [*(RunId(label, "rest") for label in rest), *stressed]
+
+
+def run_step(run: RunId) -> str:
+    """The step of a run, in words."""
     words = {PAPER: "linear surrogate", CURVE: "curve", NOMINAL: "alpha = 1", LOOP: "calibrated"}
-    origin = words.get(label, "corrected")
-    return f"3D: {condition}, {origin}" + (f", rule {rule}" if rule else "")
+    origin = words.get(run.label, "corrected")
+    return f"3D: {run.condition}, {origin}" + (f", rule {run.rule}" if run.rule else "")
 
 
 def _stress_names(case: Case, choice: StudyChoice) -> list[tuple[str, str, str]]:
@@ -183,7 +186,7 @@ def _stress_names(case: Case, choice: StudyChoice) -> list[tuple[str, str, str]]
 
 
 def _told_run(context: RunContext, run: PlannedRun, before: PlannedRun | None = None) -> Run3D:
-    context.progress.step(_step(run.id.label, run.id.condition, run.id.rule))
+    context.progress.step(run_step(run.id))
     return fsi_run(context, run, before=before)
 
 

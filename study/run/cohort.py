@@ -73,7 +73,7 @@ def run_cohort(
     """
     cores = _cores()
     workers = max(1, workers or len(cores))
-    known = {member.name: _finished(member, mode, extra) for member in members}
+    known = {member.name: finished_member(member, mode, extra) for member in members}
     results = {name: result for name, result in known.items() if result is not None}
     shared = [cores[k % len(cores)] for k in range(workers)] if workers > 1 else []
     children = _Children(shared)
@@ -202,7 +202,7 @@ def _result_file(member: Member, mode: Mode) -> pathlib.Path:
     return member.folder / (STUDY_FILE if mode == "3d" else RESULT_FILE)
 
 
-def _finished(member: Member, mode: Mode, extra: Sequence[str]) -> MemberResult | None:
+def finished_member(member: Member, mode: Mode, extra: Sequence[str]) -> MemberResult | None:
     """What became of a case before; None where it must be run."""
     try:
         status = json.loads(regular_text(member.folder / STATUS_FILE))

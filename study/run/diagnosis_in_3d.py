@@ -54,8 +54,19 @@ def study_in_3d(
     """
     if options.in_3d is None:
         return None
+    check_in_3d(options, record)
+    assert options.case is not None, "checked"
+    return finished_study(options.case, progress)
+
+
+def check_in_3d(options: DiagnoseOptions, record: Record) -> None:
+    """Refuse conditions that the record does not have, and a missing study.
+
+    Raises:
+        CaseError: cause and cure.
+    """
     known = [c.name for c in record.conditions]
-    for name in options.in_3d:
+    for name in options.in_3d or ():
         if name not in known:
             problem = f"there is no condition {name!r} to run in 3D"
             cure = f"choose from {', '.join(known)}"
@@ -64,7 +75,6 @@ def study_in_3d(
         cure = "add --case with the folder of a finished jaxfsi study"
         problem = "--in-3d needs the mesh of a finished study"
         raise CaseError([Fault(options.record, "", None, problem, "", cure)])
-    return finished_study(options.case, progress)
 
 
 def gap_in_3d(

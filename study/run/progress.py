@@ -1,5 +1,8 @@
 """Progress on standard error: the step at work and the time left, for what takes over 2 seconds.
 
+Each step, and what it says of itself every ten seconds, is logged too (logger `study.run.progress`,
+level INFO).
+
 The time left is that of the plan, each step scaled by how long it took on this machine before, and
 all by how the steps of this command went. One step moves the scale little, and one that was found
 finished not at all; what a step says of itself takes over within half a minute.
@@ -7,6 +10,7 @@ finished not at all; what a step says of itself takes over within half a minute.
 
 import contextlib
 import json
+import logging
 import math
 import os
 import pathlib
@@ -26,6 +30,11 @@ QUIET_SECONDS = 2.0
 
 _REDRAWN = 0.5
 """Seconds between two drawings of the bar."""
+
+_LOG = logging.getLogger(__name__)
+
+_LOGGED_EVERY = 10.0
+"""Least time between two lines of the log within a step [s]."""
 
 _BAR = 20
 """Characters of the bar."""
@@ -87,6 +96,7 @@ class Progress:
         self._memory = _Memory(memory)
         self._done: list[tuple[float, float]] = []  # weight, logarithm of taken over expected
         self._told: str | None = None
+        self._logged = -math.inf
         self._end: tuple[float, float] | None = None  # of the step, and when that was said
         self._thread: threading.Thread | None = None
 
@@ -135,6 +145,8 @@ class Progress:
             self._finish(now)
             self._at, self._step_start = names.index(name, self._at + 1), now
             self._told = self._end = None
+            self._logged = now
+        _LOG.info("%s", name)
 
     def _finish(self, now: float) -> None:
         """Take note of how long the step at work took."""
@@ -161,6 +173,10 @@ class Progress:
                 follow = -math.expm1((said - now) / _SETTLING)
                 self._end = (end + follow * (now + left - end), now)
             self._told = text
+            due = now - self._logged >= _LOGGED_EVERY
+            self._logged = now if due else self._logged
+        if due:
+            _LOG.info("%s", text)
 
     def message(self) -> str:
         """What is shown now."""

@@ -10,7 +10,7 @@ import contextlib
 import os
 import pathlib
 import shutil
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from lumped.whole_files import staging
@@ -74,21 +74,29 @@ def make_way(
         tell: told where results went, in a sentence.
         names: files and folders that are about to be written.
     """
+    for kind, standing in overwritten(folder, document, names):
+        shown, kept = shown_files(kind, standing), kept_files(kind, standing)
+        place = set_aside(folder, [*shown, *kept], keep=kept)
+        if place is not None:
+            why = _why(kind, standing, document)
+            tell(f"moved the earlier result of {kind}, {why}, to {place}")
+
+
+def overwritten(
+    folder: pathlib.Path, document: Mapping[str, Any], names: Collection[str] = ()
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Kind and document of the results that make way, one by one; see `make_way`."""
     for kind in KINDS:
         standing = _standing(folder, kind)
         if standing is None:
             continue
-        shown, kept = shown_files(kind, standing), kept_files(kind, standing)
         if kind == document["kind"]:
             new = identity(document)
-            overwritten = new is None or identity(standing) != new
+            differs = new is None or identity(standing) != new
         else:
-            overwritten = not set(shown).isdisjoint(names)
-        if overwritten:
-            place = set_aside(folder, [*shown, *kept], keep=kept)
-            if place is not None:
-                why = _why(kind, standing, document)
-                tell(f"moved the earlier result of {kind}, {why}, to {place}")
+            differs = not set(shown_files(kind, standing)).isdisjoint(names)
+        if differs:
+            yield kind, standing
 
 
 def _why(kind: str, standing: Mapping[str, Any], document: Mapping[str, Any]) -> str:

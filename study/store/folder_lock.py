@@ -17,9 +17,7 @@ from collections.abc import Callable, Iterator
 from filelock import FileLock, SoftFileLock, Timeout
 
 from study.case.faults import CaseError, Fault
-
-LOCK_FILE = ".at-work"
-HOLDER_FILE = ".at-work-by"
+from study.store.result_files import HOLDER_FILE, LOCK_FILE
 
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)
 _TRIES = 20

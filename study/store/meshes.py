@@ -92,6 +92,12 @@ def mesh_key(case: Case, state: str) -> str:
     return stage_key("mesh", state, given, wall, options, hashes, mesher)
 
 
+def has_mesh(key: str) -> bool:
+    """Whether there is an entry under a key."""
+    folder = _folder()
+    return folder is not None and (folder / key).is_dir()
+
+
 def load_mesh(key: str) -> StateMesh | None:
     """The entry under a key; None where there is none, or it is damaged."""
     folder = _folder()

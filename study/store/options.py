@@ -10,8 +10,6 @@ import pathlib
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple, TypeVar
 
-import numpy as np
-
 from study.case.demo import demo_case_path
 
 _INPUT = {"role": "input"}
@@ -37,10 +35,6 @@ class AlphaRange(NamedTuple):
     low: float
     high: float
     n: int
-
-    def values(self) -> np.ndarray:
-        """The values [-], shape (n,)."""
-        return np.geomspace(self.low, self.high, self.n)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,9 @@ SERIES_FILE = f"{FIELD_FOLDER}/fields.pvd"
 MESH_PICTURES, SIMULATION_PICTURES = "pictures", "simulation-pictures"
 STUDY_PICTURES = "study-pictures"
 
+LOCK_FILE, HOLDER_FILE, LOG_FILE = ".at-work", ".at-work-by", "run.log"
+"""What any command keeps in its folder while it is at work there, and the log of all of them."""
+
 MESH_FORMATS = ("vtu", "msh", "xdmf", "folder")
 """Kinds of files in which a mesh can be written."""
 

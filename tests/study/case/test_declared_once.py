@@ -37,6 +37,17 @@ def test_published_schema_is_up_to_date_and_printed(kind, command):
     assert json.loads(printed.stdout) == json_schema(kind)
 
 
+@pytest.mark.parametrize("kind", ["case", "record"])
+def test_schema_lies_beside_a_template_and_is_named_in_its_first_line(kind, command, tmp_path):
+    record = ["--record"] if kind == "record" else []
+    assert command("template", *record, folder=tmp_path).status == 0
+    first, rest = (tmp_path / f"{kind}.toml").read_text(encoding="utf-8").split("\n", 1)
+    assert first == f"#:schema ./{kind}.schema.json"
+    assert rest == command("template", *record).stdout
+    assert json.loads((tmp_path / f"{kind}.schema.json").read_text()) == json_schema(kind)
+    assert command("show", "--schema", kind, "--json").json == json_schema(kind)
+
+
 def properties_of(section: FileTable, schema: dict) -> dict[str, dict]:
     """What the schema says of the keys of a table."""
     tables = schema["properties"]

@@ -242,7 +242,8 @@ def test_template_of_a_record_is_printed_and_can_be_written_once(command, tmp_pa
     printed = command("template", "--record")
     assert printed.stdout == record_template()
     assert command("template", "--record", folder=tmp_path / "new").status == 0
-    assert (tmp_path / "new/record.toml").read_text() == record_template()
+    written = (tmp_path / "new/record.toml").read_text()
+    assert written == f"#:schema ./record.schema.json\n{record_template()}"
     assert (tmp_path / "new/rest.csv").read_text() == example_traces()
     assert command("template", "--record", folder=tmp_path / "new").status == 2
 

@@ -12,6 +12,7 @@ import study.cli.commands
 from study import demo_case_path
 from study.cli.argument_values import alpha_range
 from study.cli.arguments import parse
+from study.cli.inputs import result_folder
 from study.store.layouts import FORMAT
 from study.store.stored_document import load_document
 
@@ -56,7 +57,7 @@ def small_result(case_file, small_run):
 
 def test_results_lie_beside_the_case_by_default(small_run, case_file):
     folder = case_file.parent / "small-results"
-    assert {path.name for path in folder.iterdir()} == {"report.html", "result.json"}
+    assert {path.name for path in folder.iterdir()} == {"report.html", "result.json", "run.log"}
     assert "alpha = " in small_run.stdout
     assert str(folder / "report.html") in small_run.stderr
 
@@ -237,7 +238,7 @@ def test_bad_alpha_range_is_refused(case_file, command, text):
 def test_alpha_range_runs_in_equal_ratios():
     # powers of ten to round-off
     np.testing.assert_allclose(
-        alpha_range("0.01:100:5").values(), [0.01, 0.1, 1.0, 10.0, 100.0], rtol=1e-14
+        np.geomspace(*alpha_range("0.01:100:5")), [0.01, 0.1, 1.0, 10.0, 100.0], rtol=1e-14
     )
 
 
@@ -264,7 +265,7 @@ def test_output_into_a_file_or_the_package_is_refused(case_file, command):
 def test_results_of_the_bundled_case_never_lie_beside_it(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     request = parse(["run", str(demo_case_path())])
-    assert study.cli.commands._folder(request, demo_case_path()) == pathlib.Path("case-results")
+    assert result_folder(request, demo_case_path()) == pathlib.Path("case-results")
 
 
 def fail_with(error):
@@ -288,13 +289,16 @@ def test_failures_have_their_exit_status_and_keep_older_results(
 ):
     folder = case_file.parent / "small-results"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    log = before.pop("run.log")
     where = "write_files" if isinstance(error, OSError) else "run_case"
     monkeypatch.setattr(f"study.cli.pipeline_commands.{where}", fail_with(error))
     outcome = command("run", case_file)
     assert outcome.status == status
     assert words in outcome.stderr
     assert outcome.stdout == ""
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    after = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert after.pop("run.log").startswith(log)
+    assert after == before
 
 
 def test_template_is_printed_and_can_be_written_once(command, tmp_path):
@@ -302,7 +306,8 @@ def test_template_is_printed_and_can_be_written_once(command, tmp_path):
     assert printed.status == 0
     assert command("template", "--json").json["template"] == printed.stdout
     assert command("template", folder=tmp_path / "new").status == 0
-    assert (tmp_path / "new/case.toml").read_text() == printed.stdout
+    written = (tmp_path / "new/case.toml").read_text()
+    assert written == f"#:schema ./case.schema.json\n{printed.stdout}"
     assert command("template", folder=tmp_path / "new").status == 2
 
 

@@ -1,6 +1,7 @@
 """How a command starts and is ended: what it imports, and what signals do to it."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -29,6 +30,9 @@ print(status, [name for name in {HEAVY} if name in sys.modules], file=sys.stderr
         (("template",), 0),
         (("--help",), 0),
         (("--version",), 0),
+        (("check", "bad.toml"), 2),
+        (("check", "missing.toml"), 2),
+        (("cache", "info"), 0),
         (("run", "bad.toml"), 2),
         (("simulate", "bad.toml"), 2),
         (("study", "missing.toml"), 2),
@@ -50,6 +54,26 @@ def test_no_word_of_refusal_waits_for_jax(arguments, status, tmp_path, monkeypat
     assert found.stderr.splitlines()[-1].split(" ", 1)[1] == "[]", found.stderr
     if arguments != ("show", "plan.json"):
         assert found.stderr.splitlines()[-1].startswith(str(status)), found.stderr
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("--version",)])
+def test_help_and_version_import_nothing_slow_and_take_half_a_second(arguments):
+    """Time of the processor, which the load of the machine does not stretch."""
+    program = f"""
+import sys, time
+from study.cli.entry import main
+main({list(arguments)})
+slow = [n for n in {(*HEAVY, "numpy", "pydantic", "rich")} if n in sys.modules]
+print(slow, time.process_time(), file=sys.stderr)
+"""
+    names, seconds = _python(program).stderr.rsplit(None, 1)
+    assert names == "[]"
+    assert float(seconds) < 0.7
+
+
+def test_version_says_the_commit_of_a_checkout():
+    said = _python("import study.cli.entry as e; e.main(['--version'])").stdout
+    assert re.fullmatch(r"jaxfsi [0-9.]+\w*(, commit [0-9a-f]{40}( \(.*\))?)?\n", said), said
 
 
 _STRUCK = """

@@ -10,7 +10,7 @@ from study.case.demo import demo_cohort_path
 from study.case.faults import CaseError
 from study.case.read import read_case
 from study.report.cohort_results import cohort_document
-from study.run.cohort import _ended, _finished, member_key, run_cohort
+from study.run.cohort import _ended, finished_member, member_key, run_cohort
 from study.run.members import MemberResult, find_members
 from study.store.stored_document import load_document
 
@@ -153,7 +153,7 @@ def test_damaged_result_of_a_case_is_not_taken(folder, tmp_path, text):
     (member.folder / "result.json").write_text(text)
     status = {"key": member_key(member, "curve", []), "status": 0, "seconds": 1.0}
     (member.folder / "status.json").write_text(json.dumps(status))
-    assert _finished(member, "curve", []) is None
+    assert finished_member(member, "curve", []) is None
     (member.folder / "status.json").unlink()
     result = _ended(member, "curve", [], 0, 0.0)
     assert result.document is None

@@ -14,10 +14,22 @@ if TYPE_CHECKING:
         require_feasible,
         with_alpha,
     )
+    from calibration.aortic_root import aortic_root_diameter
     from calibration.bisection import bisect_alpha, ratio_after_cycles, ratio_of_periodic_state
+    from calibration.body import (
+        Body,
+        body_surface_area,
+        coronary_flow,
+        left_ventricular_mass,
+        right_share,
+        territory_flow,
+    )
+    from calibration.body_bed import bed_flow, bed_for_flow
+    from calibration.body_priors import PRIORS, Prior, body_priors
     from calibration.fit import fit, fit_batch, stacked
     from calibration.free_parameter import FreeParameter
     from calibration.gauss_newton import DampedGaussNewton
+    from calibration.growth_charts import height_at, height_score, weight_at, weight_score
     from calibration.identifiability import (
         Identifiability,
         RatioIdentifiability,
@@ -98,11 +110,13 @@ __all__ = [
     "BED_FACTOR",
     "MOST_EXTRA_RUNS",
     "PAPER_DROP",
+    "PRIORS",
     "RATIO_TOLERANCE",
     "REST_RULE",
     "STRESS_LOSS",
     "AbstractSpread",
     "AlphaFit",
+    "Body",
     "Calibrations",
     "Correction",
     "DampedGaussNewton",
@@ -122,6 +136,7 @@ __all__ = [
     "NetworkExperiment",
     "Normal",
     "PressureFlowLaw",
+    "Prior",
     "Profile",
     "RampFit",
     "RampRecord",
@@ -142,13 +157,19 @@ __all__ = [
     "alpha_closed_form",
     "alpha_response",
     "alpha_sensitivities",
+    "aortic_root_diameter",
+    "bed_flow",
+    "bed_for_flow",
     "bisect_alpha",
+    "body_priors",
+    "body_surface_area",
     "calibrate_alpha",
     "calibrate_in_loop",
     "calibrate_many",
     "calibrate_vessels",
     "characteristic_impedance",
     "contraction_coefficient",
+    "coronary_flow",
     "correction",
     "diastolic_target",
     "evaluate",
@@ -156,8 +177,11 @@ __all__ = [
     "fit_batch",
     "fit_ramp",
     "grid",
+    "height_at",
+    "height_score",
     "identifiability",
     "interval_bounds",
+    "left_ventricular_mass",
     "lumen_change",
     "lumen_law",
     "lumen_losses",
@@ -177,6 +201,7 @@ __all__ = [
     "ratio_response",
     "ratio_target",
     "require_feasible",
+    "right_share",
     "simulate_many",
     "stacked",
     "standard_normals",
@@ -186,10 +211,13 @@ __all__ = [
     "synthetic_record",
     "systemic_windkessel",
     "systolic_target",
+    "territory_flow",
     "through_calibration",
     "uncertainty",
     "vessel_residuals",
     "waveform_target",
+    "weight_at",
+    "weight_score",
     "with_alpha",
 ]
 

@@ -29,7 +29,14 @@ if TYPE_CHECKING:
     from calibration.fit import fit, fit_batch, stacked
     from calibration.free_parameter import FreeParameter
     from calibration.gauss_newton import DampedGaussNewton
-    from calibration.growth_charts import height_at, height_score, weight_at, weight_score
+    from calibration.growth_charts import (
+        height_at,
+        height_score,
+        modified_height_score,
+        modified_weight_score,
+        weight_at,
+        weight_score,
+    )
     from calibration.identifiability import (
         Identifiability,
         RatioIdentifiability,
@@ -67,7 +74,14 @@ if TYPE_CHECKING:
         ratio_response,
         through_calibration,
     )
-    from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
+    from calibration.spreads import (
+        AbstractSpread,
+        LogNormal,
+        Normal,
+        Truncated,
+        Uniform,
+        central_range,
+    )
     from calibration.stress_evidence import StressEvidence, stress_evidence
     from calibration.stress_ratio import BED_FACTOR, STRESS_LOSS, FormFactors, StressRatio
     from calibration.sweep import (
@@ -167,6 +181,7 @@ __all__ = [
     "calibrate_in_loop",
     "calibrate_many",
     "calibrate_vessels",
+    "central_range",
     "characteristic_impedance",
     "contraction_coefficient",
     "coronary_flow",
@@ -191,6 +206,8 @@ __all__ = [
     "mean_flow_target",
     "mean_pressure_target",
     "measured_slope",
+    "modified_height_score",
+    "modified_weight_score",
     "network_start",
     "next_alpha",
     "patient_inputs",

@@ -88,6 +88,24 @@ def weight_score(
     return _score(real(weight_kg), *_chart(_WEIGHT, age_years, male))
 
 
+def modified_height_score(
+    height: Parameter, age_years: Parameter, male: Parameter
+) -> Float[Array, "..."]:
+    """Distance of a height from the median in half distances of the score 2 [-].
+
+    Scores of weights that skew end below 5 however large the weight; these go on (CDC 2016, SAS
+    program for the growth charts). Arguments as in `height_score`.
+    """
+    return _modified(real(height), *_chart(_HEIGHT, age_years, male))
+
+
+def modified_weight_score(
+    weight_kg: Parameter, age_years: Parameter, male: Parameter
+) -> Float[Array, "..."]:
+    """The same for a weight [-]; arguments as in `weight_score`."""
+    return _modified(real(weight_kg), *_chart(_WEIGHT, age_years, male))
+
+
 def height_at(age_years: Parameter, male: Parameter, score: Parameter = 0.0) -> Float[Array, "..."]:
     """Height at a standard score [cm]; arguments as in `height_score`."""
     return _value(real(score), *_chart(_HEIGHT, age_years, male))
@@ -113,6 +131,11 @@ def _score(y: Array, L: Array, M: Array, S: Array) -> Array:
     # no chart has L = 0 at a whole year; between two of them the limit ln(y/M)/S is met smoothly
     L = jnp.where(jnp.abs(L) < _LEAST_POWER, _LEAST_POWER, L)
     return jnp.expm1(L * jnp.log(y / M)) / (L * S)
+
+
+def _modified(y: Array, L: Array, M: Array, S: Array) -> Array:
+    two = jnp.where(y > M, 2.0, -2.0)
+    return two * (y - M) / (_value(two, L, M, S) - M)
 
 
 def _value(z: Array, L: Array, M: Array, S: Array) -> Array:

@@ -1,3 +1,6 @@
+import pathlib
+import re
+
 import jax.numpy as jnp
 import pytest
 
@@ -57,3 +60,13 @@ def test_every_prior_has_unit_source_and_spread():
         assert prior.source
         assert prior.unit
         assert 0.05 < float(sd) < 0.5, prior.name
+
+
+def test_page_names_the_source_of_every_prior():
+    page = (pathlib.Path(__file__).parents[2] / "docs" / "body.md").read_text()
+    table = page.partition("## What is assumed")[2].partition("Height scores")[0]
+    for prior in PRIORS:
+        cited = re.findall(r"([A-Z]\w+)[^;,]*?((?:19|20)\d\d)", prior.source)
+        assert cited
+        for author, year in cited:
+            assert re.search(rf"{author}.*{year}", table), prior.source

@@ -2,7 +2,14 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from calibration import height_at, height_score, weight_at, weight_score
+from calibration import (
+    height_at,
+    height_score,
+    modified_height_score,
+    modified_weight_score,
+    weight_at,
+    weight_score,
+)
 
 # percentiles 5, 50 and 95 of the CDC files statage.csv and wtage.csv at half months, between the
 # whole years of our tables
@@ -42,6 +49,16 @@ def test_score_and_value_undo_each_other():
         for z in (-4.0, -1.0, 0.0, 2.5):
             back = height_score(height_at(ages, male, z), ages, male)
             assert jnp.allclose(back, z, atol=1e-9)  # round-off over S = 0.04
+
+
+def test_modified_scores_meet_the_others_at_two_and_go_on():
+    for male in (0.0, 1.0):
+        for z in (-2.0, 2.0):
+            weight, height = weight_at(6.0, male, z), height_at(6.0, male, z)
+            # round-off
+            assert float(modified_weight_score(weight, 6.0, male)) == pytest.approx(z, abs=1e-9)
+            assert float(modified_height_score(height, 6.0, male)) == pytest.approx(z, abs=1e-9)
+    assert float(weight_score(110.0, 6.0, 0.0)) < 5.0 < float(modified_weight_score(44.0, 6.0, 0.0))
 
 
 def test_a_vanishing_power_gives_the_logarithm():

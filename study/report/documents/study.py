@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from study.report.documents.parts import AlphaCurve, Headline, Note
+from study.report.documents.parts import AlphaCurve, BodyNumbers, Headline, Note
 from study.report.documents.uncertainty import UncertainFFR
 from study.run.results import Run3D
 from study.run.study_parts import Computed, MeasuredLumen, MotionPart, RampPart
@@ -225,6 +225,7 @@ class StudyDocument:
         provenance: inputs, options, versions.
         uncertainty: FFR in 3D of each condition under stress with an interval; absent without
             `--uncertainty`.
+        body: the body of the patient and what was assumed from it; absent where it is not known.
     """
 
     format: str
@@ -256,3 +257,4 @@ class StudyDocument:
     numerics: dict[str, Any]
     provenance: Provenance
     uncertainty: list[UncertainFFR] | Absent = ABSENT
+    body: BodyNumbers | Absent = ABSENT

@@ -11,6 +11,7 @@ so that its time constants and the split of its resistance stay. The nominal bed
 at a fifth of what was measured (0.10 mL/mmHg/100 g, Chilian & Marcus 1984) whatever s is.
 """
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from calibration.outlets import share_of
@@ -25,7 +26,7 @@ def bed_flow(bed: Coronary, mean_pressure: Parameter) -> Float[Array, "..."]:
         bed: the bed.
         mean_pressure: at its inlet [dyn/cm²].
     """
-    return (mean_pressure - bed.P_venous) / (bed.R_1 + bed.R_2 + bed.R_3)
+    return jnp.asarray((mean_pressure - bed.P_venous) / (bed.R_1 + bed.R_2 + bed.R_3))
 
 
 def bed_for_flow(bed: Coronary, flow: Parameter, mean_pressure: Parameter) -> Coronary:

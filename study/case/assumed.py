@@ -3,8 +3,6 @@
 import dataclasses
 from collections.abc import Mapping
 
-from study.case.parameters import CoronaryParameters
-
 
 @dataclasses.dataclass(frozen=True)
 class Assumed:
@@ -40,11 +38,12 @@ class FromBody:
     Attributes:
         assumed: numbers that the case does not give, by table and field (`condition.rest.period`).
         surface_area_m2: body surface area [m²]; None without weight and height.
-        normal_bed: bed of the normal coronary artery; None: that of [coronary].
+        normal_bed: resistances and compliances of the normal coronary artery by field of
+            `CoronaryParameters`; None: those of [coronary].
         notices: what looks wrong in the numbers of the body, in sentences.
     """
 
     assumed: Mapping[str, Assumed] = dataclasses.field(default_factory=dict)
     surface_area_m2: float | None = None
-    normal_bed: CoronaryParameters | None = None
+    normal_bed: Mapping[str, float] | None = None
     notices: tuple[str, ...] = ()

@@ -57,7 +57,6 @@ class Usual:
         prior = next(prior for prior in calibration.PRIORS if prior.name == name)
         spread = self.spreads[name]
         median, low, high = (scale * end for end in calibration.central_range(spread))
-        of_factor = isinstance(spread, calibration.LogNormal)
         self.assumed[key] = Assumed(
             text=text or prior.text,
             value=median,
@@ -66,8 +65,8 @@ class Usual:
             unit=prior.unit,
             factor=prior.factor,
             source=prior.source,
-            sd=None if of_factor else scale * float(spread.sd),
-            log_sd=float(spread.log_sd) if of_factor else None,
+            sd=scale * float(spread.sd) if isinstance(spread, calibration.Normal) else None,
+            log_sd=float(spread.log_sd) if isinstance(spread, calibration.LogNormal) else None,
         )
         return self.assumed[key].value
 
@@ -184,7 +183,7 @@ def _anomalous_artery(parameters: BodyParameters, anatomy: Any, context: Context
 
 def _beds(
     usual: Usual, values: dict[str, Any], given: Mapping[str, Any], artery: str, mean: float
-) -> CoronaryParameters:
+) -> dict[str, float]:
     """Size the anomalous bed, unless the case gives a resistance of it; returns the normal one."""
     own = CoronaryParameters(**values["coronary"])
     other = "left" if artery == "right" else "right"
@@ -193,17 +192,17 @@ def _beds(
         flow = usual.assume("coronary.flow", f"{artery}_flow", text=text)
         stated = {name for name in ("C_a", "C_im") if any(key.startswith(name) for key in given)}
         sized = _for_flow(own, flow, mean)
-        own = dataclasses.replace(sized, **{name: getattr(own, name) for name in stated})
+        kept = {name: value for name, value in sized.items() if name not in stated}
+        own = dataclasses.replace(own, **kept)
         values["coronary"] = dataclasses.asdict(own)
     text = f"flow at rest of the normal ({other}) artery, which sets its bed"
     return _for_flow(own, usual.assume("normal_artery.flow", f"{other}_flow", text=text), mean)
 
 
-def _for_flow(parameters: CoronaryParameters, flow: float, mean: float) -> CoronaryParameters:
+def _for_flow(parameters: CoronaryParameters, flow: float, mean: float) -> dict[str, float]:
     bed = lumped.nominal_coronary(**dataclasses.asdict(parameters))
     sized = calibration.bed_for_flow(bed, flow, mean)
-    names = (*_RESISTANCES, "C_a", "C_im")
-    return dataclasses.replace(parameters, **{name: float(getattr(sized, name)) for name in names})
+    return {name: float(getattr(sized, name)) for name in (*_RESISTANCES, "C_a", "C_im")}
 
 
 def _assume_loss(

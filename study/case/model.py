@@ -69,10 +69,7 @@ class Case:
     @property
     def normal_bed(self) -> CoronaryParameters:
         """Bed of the normal coronary artery: in the size of the body, else that of [coronary]."""
-        sized, own = self.from_body.normal_bed, self.coronary
-        if sized is None:
-            return own
-        return dataclasses.replace(sized, P_venous=own.P_venous, im_factor=own.im_factor)
+        return dataclasses.replace(self.coronary, **(self.from_body.normal_bed or {}))
 
     @property
     def beds(self) -> tuple[CoronaryParameters, ...]:

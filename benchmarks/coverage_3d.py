@@ -155,7 +155,7 @@ def _measured(
         lines.append(f"[condition.{name}]")
         lines += [f"{key} = {value:.6g}" for key, value in entry.items()]
     lines += ["[coronary]", f"im_factor = {IM_FACTOR[patient['side']]}"]
-    lines += ["[uncertainty]", f"age_years = {true['age']:.3g}"]
+    lines += ["[body]", f"age_years = {true['age']:.3g}"]
     file = folder / patient["id"] / "measured.toml"
     file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return file

@@ -14,7 +14,18 @@ if TYPE_CHECKING:
         require_feasible,
         with_alpha,
     )
+    from calibration.aortic_root import aortic_root_diameter
     from calibration.bisection import bisect_alpha, ratio_after_cycles, ratio_of_periodic_state
+    from calibration.body import (
+        Body,
+        body_surface_area,
+        coronary_flow,
+        left_ventricular_mass,
+        right_share,
+        territory_flow,
+    )
+    from calibration.body_bed import bed_flow, bed_for_flow
+    from calibration.body_priors import PRIORS, Prior, body_priors
     from calibration.fit import fit, fit_batch, stacked
     from calibration.free_parameter import FreeParameter
     from calibration.gauss_newton import DampedGaussNewton
@@ -24,6 +35,14 @@ if TYPE_CHECKING:
         extrapolated,
         mesh_band,
         three_meshes,
+    )
+    from calibration.growth_charts import (
+        height_at,
+        height_score,
+        modified_height_score,
+        modified_weight_score,
+        weight_at,
+        weight_score,
     )
     from calibration.identifiability import (
         Identifiability,
@@ -62,7 +81,14 @@ if TYPE_CHECKING:
         ratio_response,
         through_calibration,
     )
-    from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
+    from calibration.spreads import (
+        AbstractSpread,
+        LogNormal,
+        Normal,
+        Truncated,
+        Uniform,
+        central_range,
+    )
     from calibration.stress_evidence import StressEvidence, stress_evidence
     from calibration.stress_ratio import BED_FACTOR, STRESS_LOSS, FormFactors, StressRatio
     from calibration.sweep import (
@@ -105,11 +131,13 @@ __all__ = [
     "BED_FACTOR",
     "MOST_EXTRA_RUNS",
     "PAPER_DROP",
+    "PRIORS",
     "RATIO_TOLERANCE",
     "REST_RULE",
     "STRESS_LOSS",
     "AbstractSpread",
     "AlphaFit",
+    "Body",
     "Calibrations",
     "Correction",
     "DampedGaussNewton",
@@ -130,6 +158,7 @@ __all__ = [
     "NetworkExperiment",
     "Normal",
     "PressureFlowLaw",
+    "Prior",
     "Profile",
     "RampFit",
     "RampRecord",
@@ -151,13 +180,20 @@ __all__ = [
     "alpha_closed_form",
     "alpha_response",
     "alpha_sensitivities",
+    "aortic_root_diameter",
+    "bed_flow",
+    "bed_for_flow",
     "bisect_alpha",
+    "body_priors",
+    "body_surface_area",
     "calibrate_alpha",
     "calibrate_in_loop",
     "calibrate_many",
     "calibrate_vessels",
+    "central_range",
     "characteristic_impedance",
     "contraction_coefficient",
+    "coronary_flow",
     "correction",
     "diastolic_target",
     "evaluate",
@@ -166,8 +202,11 @@ __all__ = [
     "fit_batch",
     "fit_ramp",
     "grid",
+    "height_at",
+    "height_score",
     "identifiability",
     "interval_bounds",
+    "left_ventricular_mass",
     "lumen_change",
     "lumen_law",
     "lumen_losses",
@@ -178,6 +217,8 @@ __all__ = [
     "mean_pressure_target",
     "measured_slope",
     "mesh_band",
+    "modified_height_score",
+    "modified_weight_score",
     "network_start",
     "next_alpha",
     "patient_inputs",
@@ -188,6 +229,7 @@ __all__ = [
     "ratio_response",
     "ratio_target",
     "require_feasible",
+    "right_share",
     "simulate_many",
     "stacked",
     "standard_normals",
@@ -197,11 +239,14 @@ __all__ = [
     "synthetic_record",
     "systemic_windkessel",
     "systolic_target",
+    "territory_flow",
     "three_meshes",
     "through_calibration",
     "uncertainty",
     "vessel_residuals",
     "waveform_target",
+    "weight_at",
+    "weight_score",
     "with_alpha",
 ]
 

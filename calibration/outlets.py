@@ -57,9 +57,9 @@ def outlet_shares(areas: Mapping[str, float]) -> dict[str, float]:
     return {name: own / total for name, own in weight.items()}
 
 
-def share_of(bed: Coronary, share: float) -> Coronary:
+def share_of(bed: Coronary, share: Parameter) -> Coronary:
     """The part of a bed that carries a share of its flow at the same pressures."""
-    if share == 1.0:
+    if isinstance(share, float) and share == 1.0:
         return bed
     return scaled(scale_resistances(bed, 1.0 / share), C_a=share, C_im=share)
 

@@ -14,6 +14,9 @@ from lumped.parameters import Parameter, Range, check_range, is_traced, paramete
 EDGE = 1e-12
 """Least distance of a uniform number from 0 and 1."""
 
+_TAIL = 1.6448536269514722
+"""Standard normal number that 5 of 100 exceed."""
+
 
 class AbstractSpread(eqx.Module):
     """Distribution of an input, as an increasing function of a standard normal number."""
@@ -111,3 +114,13 @@ class Truncated(AbstractSpread):
         a, b = (norm.cdf((bound - self.mean) / self.sd) for bound in (self.low, self.high))
         inside = norm.ppf(jnp.clip(a + norm.cdf(z) * (b - a), EDGE, 1.0 - EDGE))
         return jnp.clip(self.mean + self.sd * inside, self.low, self.high)
+
+
+def central_range(spread: AbstractSpread) -> tuple[float, float, float]:
+    """Median of a number, and the bounds that 5 of 100 lie below and above.
+
+    Args:
+        spread: its distribution.
+    """
+    median, low, high = (float(spread.value(jnp.asarray(z))) for z in (0.0, -_TAIL, _TAIL))
+    return median, low, high

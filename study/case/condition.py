@@ -32,7 +32,8 @@ class Condition:
     """A haemodynamic condition of the patient: [condition.rest], and any number under stress.
 
     The condition at rest is the one named so; calibration needs its ffr, the resting Pd/Pa. All
-    others, under any name, are stress.
+    others, under any name, are stress. At rest, pressures, period and cardiac output may be left
+    out where [body] tells them.
     """
 
     added_later: ClassVar[frozenset[str]] = frozenset({"drug", "flow_reserve", "flow_reserve_sd"})

@@ -7,6 +7,7 @@ is raised when a file that was valid is no longer. The schemas lie in ``study/da
     python -m study.case.json_schema        write them again
 """
 
+import dataclasses
 import json
 import pathlib
 from collections.abc import Iterable, Mapping
@@ -31,6 +32,9 @@ KINDS = tuple(_TITLES)
 
 _FROM_NAME = "drug"
 """A key that is required, unless the name of its condition says it."""
+
+_FROM_BODY = ("P_systolic", "P_diastolic", "period")
+"""Keys of a case's condition that [body] may tell instead."""
 
 Schema = dict[str, Any]
 
@@ -118,12 +122,17 @@ _TABLES_INSTEAD = {"thickness_per_radius": keys_of(ThicknessBounds), "R0": keys_
 
 
 def _conditions(section: FileTable) -> Schema:
-    """Tables by the name of the condition."""
+    """Tables by the name of the condition; what [body] may tell instead is not required."""
+    told = _FROM_BODY if section in CASE else ()
+    keys = tuple(
+        dataclasses.replace(key, required=key.required and key.name not in told)
+        for key in section.keys
+    )
     return {
         "type": "object",
         "properties": _FREE_TEXTS,
         "propertyNames": {"pattern": f"^{CONDITION_NAME}$"},
-        "additionalProperties": _table(section.keys, section.text),
+        "additionalProperties": _table(keys, section.text),
         "maxProperties": MOST_CONDITIONS,
     }
 

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from pydantic.dataclasses import dataclass
 
 from study.case.anatomy import Anatomy, IvusAnatomy
+from study.case.assumed import FromBody
 from study.case.blood import BloodParameters
+from study.case.body import BodyParameters
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
 from study.case.parameters import (
@@ -42,6 +44,8 @@ class Case:
         mesh: how the anatomy is meshed.
         uncertainty: how well the numbers are known.
         notes: remarks, by table.
+        body: the body of the patient.
+        from_body: what the case takes from it.
     """
 
     path: pathlib.Path
@@ -59,6 +63,18 @@ class Case:
     mesh: MeshOptions = MeshOptions()
     uncertainty: UncertaintyParameters = UncertaintyParameters()
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
+    body: BodyParameters = BodyParameters()
+    from_body: FromBody = FromBody()
+
+    @property
+    def normal_bed(self) -> CoronaryParameters:
+        """Bed of the normal coronary artery: in the size of the body, else that of [coronary]."""
+        return dataclasses.replace(self.coronary, **(self.from_body.normal_bed or {}))
+
+    @property
+    def beds(self) -> tuple[CoronaryParameters, ...]:
+        """The bed of the anomalous artery, and that of the normal one where it is another."""
+        return (self.coronary, *([] if self.from_body.normal_bed is None else [self.normal_bed]))
 
 
 Requirement = Callable[[Case], Fault | None]

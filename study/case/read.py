@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from study.case.blood import BloodParameters
+from study.case.body import BodyParameters
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
@@ -90,6 +91,8 @@ def _build(file: pathlib.Path, values: Mapping[str, Any], texts: dict[str, dict[
         mesh=_mesh_options(values),
         uncertainty=UncertaintyParameters(**values["uncertainty"]),
         notes=texts["notes"],
+        body=BodyParameters(**values["body"]),
+        from_body=values["from_body"],
     )
 
 

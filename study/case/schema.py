@@ -55,6 +55,7 @@ UNITS: dict[str, dict[str, float]] = {
     "viscosity": {"poise": 1.0, "Pa_s": 10.0, "mPa_s": 0.01, "cP": 0.01, "g_per_cm_s": 1.0},
     "length": {"mm": MM, "cm": 1.0, "m": 100.0, "um": 1.0e-4},
     "body surface": {"m2": 1.0, "cm2": 1.0e-4},
+    "body mass": {"kg": 1.0, "g": 1.0e-3, "lb": 0.45359237},
     "angle": {"deg": _DEGREE, "rad": 1.0},
     "support": {
         "dyn_per_cm3": 1.0, "N_per_m3": 0.1, "kPa_per_mm": 1.0e5, "mmHg_per_mm": MMHG / MM,
@@ -66,7 +67,7 @@ UNITS: dict[str, dict[str, float]] = {
     "ratio": {"": 1.0, "percent": 0.01},
     "number": {"": 1.0, "years": 1.0},
 }  # fmt: skip
-"""Units of each dimension and their factors to CGS; angles go to radians."""
+"""Units of each dimension and their factors to CGS; angles go to radians, a body's mass to kg."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from study.case.anatomy import KINDS, MODELS
 from study.case.blood import BloodParameters
+from study.case.body import BodyParameters
 from study.case.condition import Condition
 from study.case.ostium import OstiumLosses
 from study.case.parameters import (
@@ -51,6 +52,7 @@ def _section(heading: str, model: type, *, without: str = "") -> FileTable:
 
 CASE = (
     _section("patient", PatientParameters),
+    _section("body", BodyParameters),
     *(
         FileTable("anatomy", keys, inspect.cleandoc(MODELS[kind].__doc__ or ""), kind)
         for kind, keys in KINDS.items()

@@ -1,5 +1,6 @@
 """The tables of a case file: which there are, what each takes, and how its values must agree."""
 
+import dataclasses
 import re
 from collections.abc import Mapping, Sequence, Sized
 from typing import Any, get_args, get_type_hints
@@ -9,9 +10,11 @@ from study.case.anatomy import KINDS
 from study.case.anatomy_tables import read_anatomy
 from study.case.beat_file import read_beat
 from study.case.blood import BloodParameters
+from study.case.body import BodyParameters
 from study.case.combinations import check_case
 from study.case.condition import CONDITION, CONDITION_NAME, MOST_CONDITIONS
 from study.case.faults import printable, shown_key
+from study.case.from_body import Usual, complete, fill_rest, supplied_at_rest
 from study.case.laws import CARREAU_YASUDA, FIBRES
 from study.case.losses_table import read_losses
 from study.case.ostium import K
@@ -34,6 +37,7 @@ from study.case.uncertainty import UncertaintyParameters
 
 PLAIN: dict[str, type] = {
     "patient": PatientParameters,
+    "body": BodyParameters,
     "blood": BloodParameters,
     "tissue": TissueParameters,
     "coronary": CoronaryParameters,
@@ -103,8 +107,10 @@ def read_tables(document: Mapping[str, Any], context: Context) -> dict[str, Any]
         read_anatomy(document["anatomy"], context) if "anatomy" in document else None
     )
     values["wall"] = _read_wall(document.get("wall", {}), context)
-    values["condition"] = _read_conditions(document.get("condition", {}), context)
+    usual = Usual(BodyParameters(**values.get("body", {})))
+    values["condition"] = _read_conditions(document.get("condition", {}), usual, context)
     values["stress"] = _read_stress(document.get("stress", {}), context)
+    values["from_body"] = complete(usual, values, document, context)
     check_case(values, document, context)
     _check_laws(document, context)
     _check_fibres(document.get("wall"), context)
@@ -207,9 +213,12 @@ def _read_wall(table: object, context: Context) -> dict[str, Value]:
     return values | {"thickness_min": thickness["min"], "thickness_max": thickness["max"]}
 
 
-def _read_conditions(table: object, context: Context) -> dict[str, dict[str, Any]]:
+def _read_conditions(table: object, usual: Usual, context: Context) -> dict[str, dict[str, Any]]:
+    """Every condition; that at rest is there without its table where the body tells it."""
     tables = condition_tables(table, context)
-    return {name: _read_condition(name, value, context) for name, value in tables.items()}
+    if usual.has("P_systolic", "P_diastolic", "period"):
+        tables = {"rest": tables.get("rest", {}), **tables}
+    return {name: _read_condition(name, value, usual, context) for name, value in tables.items()}
 
 
 def too_many(conditions: Sized, context: Context) -> bool:
@@ -250,10 +259,18 @@ def condition_tables(table: object, context: Context) -> dict[str, dict[str, Any
     return conditions
 
 
-def _read_condition(name: str, table: Mapping[str, Any], context: Context) -> dict[str, Any]:
+def _read_condition(
+    name: str, table: Mapping[str, Any], usual: Usual, context: Context
+) -> dict[str, Any]:
     heading = f"condition.{name}"
-    values: dict[str, Any] = dict(read_table(table, heading, CONDITION, context))
     kind = "rest" if name == "rest" else "stress"
+    told = supplied_at_rest(usual, table, context) if kind == "rest" else ()
+    keys = [dataclasses.replace(k, required=k.required and k.field not in told) for k in CONDITION]
+    n_faults = len(context.faults)
+    values: dict[str, Any] = dict(read_table(table, heading, keys, context))
+    if kind == "rest" and len(context.faults) == n_faults:
+        given = {k.field: any(one.key in table for one in spellings(k)) for k in CONDITION}
+        fill_rest(usual, values, given)
     if values["kind"] not in (None, kind):
         cure = f'remove kind, or write kind = "{kind}"; only [condition.rest] is at rest'
         problem = f"a condition named {printable(name)} is of kind {kind}"

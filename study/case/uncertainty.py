@@ -17,14 +17,10 @@ class UncertaintyParameters:
     """How well the numbers of a case are known; `jaxfsi run --uncertainty` uses it.
 
     Without bed_factor the response of the bed to stress follows from flow reserves in the
-    literature, by the age of the patient and by the drug, which the name of the condition says:
-    adenosine, dobutamine, or any other. So does stress_loss.
+    literature, by the drug, which the name of the condition says (adenosine, dobutamine, or any
+    other), and by the age of the patient, age_years below [body]. So does stress_loss.
     """
 
-    age: Annotated[
-        Number | None,
-        Quantity("number", "years", 0.0, 110.0, text="age of the patient", example=14.0),
-    ] = None
     pressure_sd: Annotated[
         Number,
         Quantity("pressure", "mmHg", 0.0, 30.0, text="sd of each aortic pressure"),

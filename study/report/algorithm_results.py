@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from jaxfsi.opening import OUTLET
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.parameters import WindkesselParameters
+from study.report.body_words import body_notes, body_part, normal_bed_notes
 from study.report.chosen_laws import chosen_laws, wall_without_columns
 from study.report.documents.parts import AlphaCurve, notes
 from study.report.documents.study import (
@@ -103,6 +104,7 @@ def study_document(
             if result.uncertainty is None
             else uncertainty_parts(result.uncertainty.found, QUADRATIC)
         ),
+        body=body_part(case),
     )
 
 
@@ -263,6 +265,8 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
     )
     laws = (*chosen_laws(result.case), *wall_without_columns(result.case, result.mesh))
     yield from (("info", text) for text in laws)
+    yield from body_notes(result.case)
+    yield from normal_bed_notes(result.case, result.mesh.openings, result.loop.alpha)
     if ramp.largest_drop_mmHg < 40.0:
         text = f"the ramp ends at {ramp.largest_drop_mmHg:.0f} mmHg: R0 at 40 is extrapolated"
         yield "warning", text

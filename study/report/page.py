@@ -7,6 +7,7 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
+from study.report.body_words import body_words
 from study.report.figures import figures
 from study.report.headline import chance_at_or_below, percent
 from study.report.mesh_figures import mesh_figures
@@ -99,7 +100,11 @@ def rendered(name: str, **values: Any) -> str:
         "with_sd": with_sd,
         "chance": lambda value, sd: percent(chance_at_or_below(value, sd)),
     }
-    environment.globals |= {"threshold": FFR_THRESHOLD, "area_bound": AREA_BOUND}
+    environment.globals |= {
+        "threshold": FFR_THRESHOLD,
+        "area_bound": AREA_BOUND,
+        "body_words": body_words,
+    }
     return environment.get_template(name).render(**values)
 
 

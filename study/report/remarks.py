@@ -10,6 +10,8 @@ from calibration.identifiability import RATIO_PARAMETERS, RatioIdentifiability
 from calibration.identifiability import identifiability as combinations
 from lumped import ML_PER_MIN, MM, MMHG
 from study.case.laws import LINEAR, QUADRATIC
+from study.case.model import Case
+from study.report.body_words import body_notes
 from study.report.documents.parts import Note
 from study.report.headline import Reading, headline
 from study.run.limits import CATHETER_MM
@@ -19,6 +21,13 @@ from study.store.result_names import CALIBRATED, FIXED
 
 FLOW_RANGE = (30.0, 200.0)
 """Resting flow of one coronary artery of an adult [mL/min]; right ones lie low, left ones high."""
+
+
+def flow_range(case: Case) -> tuple[float, float]:
+    """Usual resting flow of the anomalous artery: of the body, else of an adult [mL/min]."""
+    usual = case.from_body.assumed.get("coronary.flow")
+    return FLOW_RANGE if usual is None else (usual.low / ML_PER_MIN, usual.high / ML_PER_MIN)
+
 
 ALPHA_RANGE = (0.1, 10.0)
 """Beyond this the nominal outlet was more than tenfold off [-]."""
@@ -70,6 +79,11 @@ def resistance_words(result: CaseResult) -> str:
     if not result.patient.model.assumed:
         return R0_CANCELS
     R0 = float(result.patient.model.surrogate.R0)
+    if "surrogate.R0" in result.patient.case.from_body.assumed:
+        return (
+            f"{R0_CANCELS} None is given, so {R0:.4g} dyn s/cm5 follows from the usual flow of the"
+            " patient's body; alpha is then the resistance of the bed over the usual one."
+        )
     return (
         f"{R0_CANCELS} None is given, so {R0:.4g} dyn s/cm5 is assumed; alpha and flow belong to it"
         " and are not the patient's."
@@ -118,6 +132,7 @@ def notes(result: CaseResult) -> list[Note]:
         *_reserve_notes(result),
         *_vessel_notes(result),
         *(Note(*entry) for entry in interval_notes(result.uncertainty)),
+        *(Note(*entry) for entry in body_notes(case)),
     ]  # fmt: skip
     said = resistance_words(result)
     if said:
@@ -145,12 +160,12 @@ def interval_notes(intervals: Intervals | None) -> Iterator[tuple[str, str]]:
         yield (
             "info",
             f"The response to stress ({_listed(pooled)}) is that of drugs or ages together: give"
-            " drug below the condition and age_years below [uncertainty] where they are known.",
+            " drug below the condition and age_years below [body] where they are known.",
         )
 
 
 def _flow_notes(result: CaseResult) -> Iterator[Note]:
-    low, high = FLOW_RANGE
+    low, high = flow_range(result.patient.case)
     for law in result.calibrations:
         if result.patient.models[law].assumed:
             continue
@@ -180,10 +195,18 @@ def _alpha_notes(result: CaseResult) -> Iterator[Note]:
             yield Note(
                 "warning",
                 f"Alpha = {fit.alpha:.3g} with the {law} law lies far {where} 1: the outlet "
-                "differs more than tenfold from the nominal one. The nominal total stands for "
-                "a single branch (18 mL/min at 80 mmHg), so values of 0.1 to 0.5 are usual for "
-                "a whole artery.",
+                "differs more than tenfold from the nominal one. "
+                + _nominal_words(result.patient.case),
             )
+
+
+def _nominal_words(case: Case) -> str:
+    if "coronary.flow" in case.from_body.assumed:
+        return "The nominal one carries the usual flow of the patient's body, so 1 is usual."
+    return (
+        "The nominal total stands for a single branch (18 mL/min at 80 mmHg), so values of 0.1 to "
+        "0.5 are usual for a whole artery."
+    )
 
 
 def _waveform_notes(result: CaseResult) -> Iterator[Note]:
@@ -195,10 +218,16 @@ def _waveform_notes(result: CaseResult) -> Iterator[Note]:
         laws = sorted({run.law for run in reversed_})
         yield Note(
             "warning",
-            f"The mean flow in systole is negative ({_listed(names)}; {_listed(laws)} law): alpha "
-            "scales the resistances but not C_im, so the squeezed volume leaves backwards. "
+            f"The mean flow in systole is negative ({_listed(names)}; {_listed(laws)} law): "
+            f"{_squeezed(result.patient.case)}, so the squeezed volume leaves backwards. "
             "Mean ratios hardly depend on it; the flow waveform does.",
         )
+
+
+def _squeezed(case: Case) -> str:
+    if "coronary.flow" in case.from_body.assumed:
+        return "three quarters of the published resistance lie behind the squeezed C_im"
+    return "alpha scales the resistances but not C_im"
 
 
 def _reserve_notes(result: CaseResult) -> Iterator[Note]:
@@ -245,13 +274,14 @@ def _vessel_notes(result: CaseResult) -> Iterator[Note]:
 def _drop_note(result: CaseResult, vessel: ContouredArtery) -> Note:
     """The drop that the contours explain at ordinary flows against the one that was measured."""
     rest = result.run("rest")
-    Q = np.array(FLOW_RANGE) * ML_PER_MIN
+    least, most = flow_range(result.patient.case)
+    Q = np.array([least, most]) * ML_PER_MIN
     low, high = np.asarray(vessel.losses.law.pressure_drop(Q)) / MMHG
     needed = rest.drop_mmHg
     text = (
         f"The measured ratio means a mean drop of {needed:.1f} mmHg at rest. The contours "
-        f"explain {low:.1f} mmHg at {FLOW_RANGE[0]:.0f} mL/min and {high:.1f} mmHg at "
-        f"{FLOW_RANGE[1]:.0f} mL/min."
+        f"explain {low:.1f} mmHg at {least:.0f} mL/min and {high:.1f} mmHg at "
+        f"{most:.0f} mL/min."
     )
     return Note("warning" if needed > high else "info", text)
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from lumped import ML_PER_MIN, MM, MMHG, MMHG_S_PER_ML, RCR
+from study.report.body_words import body_part
 from study.report.documents.parts import AlphaCurve
 from study.report.documents.reduced import (
     AlphaFailure,
@@ -86,6 +87,7 @@ def case_document(
             if result.uncertainty is None
             else uncertainty_parts(result.uncertainty.found, patient.case.surrogate.law)
         ),
+        body=body_part(patient.case),
     )
 
 

@@ -13,6 +13,7 @@ from jaxfsi.simulation import ShearMeans, StepHistory
 from jaxfsi.simulation.cycles import CycleMeans, cycle_means
 from lumped import ML_PER_MIN, MMHG
 from study.case.model import Case
+from study.report.body_words import body_notes, body_part, normal_bed_notes
 from study.report.chosen_laws import chosen_laws, wall_without_columns
 from study.report.documents.parts import Note
 from study.report.documents.simulate import (
@@ -85,6 +86,7 @@ def simulation_document(
         remarks=case.notes,
         provenance=provenance,
         history=_history(record, setup.model.names),
+        body=body_part(case),
     )
 
 
@@ -173,6 +175,8 @@ def _notes(
             " and the coronary bed of the case, times alpha, lies behind each outlet"
         )
         notes.append(("info", text))
+    notes += body_notes(case)
+    notes += normal_bed_notes(case, setup.mesh.openings, float(setup.outlets.alpha))
     if setup.outlets.alpha_origin.startswith("nominal"):
         notes.append(("info", f"alpha = 1, {setup.outlets.alpha_origin}"))
     return [Note(level, text) for level, text in notes]

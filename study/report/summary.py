@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from study.report.body_words import BED_NOTICE, body_lines
 from study.report.number_formats import signed
 from study.report.uncertainty_words import causes_words, help_words, rules_words, uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
@@ -91,6 +92,7 @@ def _next(document: Document) -> Iterator[str]:
 def _run(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield ""
+    yield from body_lines(document)
     yield from _intervals(document)
     yield document["verdict"]
     yield from _small_print(document)
@@ -218,6 +220,7 @@ def _simulation(document: Document) -> Iterator[str]:
     solver = document["solver"]
     wall = "rigid wall" if document["rigid"] else "moving wall"
     yield f"{document['patient']}: {document['condition']}, {wall}, alpha = {document['alpha']:.6g}"
+    yield from body_lines(document)
     yield (
         f"{solver['steps_done']} of {solver['steps_planned']} steps of {solver['dt_s']:.4g} s,"
         f" {len(document['events'])} repeated"
@@ -240,6 +243,7 @@ def _simulation(document: Document) -> Iterator[str]:
 def _study(document: Document) -> Iterator[str]:
     yield f"{document['patient']}"
     yield ""
+    yield from body_lines(document)
     yield from _intervals(document)
     yield document["verdict"]
     yield from _small_print(document)
@@ -260,9 +264,9 @@ def _study(document: Document) -> Iterator[str]:
             f" {entry['rest_ratio']:.4f} ({signed(entry['error'], 4)})"
         )
     for note in document["notes"]:
-        if note["level"] == "warning":
+        if note["level"] == "warning" or BED_NOTICE in note["text"]:
             yield ""
-            yield f"! {note['text']}"
+            yield f"{'! ' if note['level'] == 'warning' else ''}{note['text']}"
 
 
 def _cohort(document: Document) -> Iterator[str]:

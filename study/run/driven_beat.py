@@ -127,7 +127,7 @@ def drive_key(context: RunContext, drive: Drive) -> str:
     case = context.case
     solver = dataclasses.replace(case.solver, n_steps=None, cycles=None)
     entry = drive.entry.without_outcome()
-    parts = (case.blood, case.wall, case.coronary, case.surrogate, case.windkessel, case.stress)
+    parts = (case.blood, case.wall, *case.beds, case.surrogate, case.windkessel, case.stress)
     image = float(image_pressure(case, "rest"))
     given = (fingerprint(drive.bed), fingerprint(drive.P_inlet))
     step = context.choice.dt

@@ -189,8 +189,9 @@ def _coronary(case: Case) -> Coronary:
 def _linear(case: Case, vessel: ContouredArtery | None) -> ReducedModel | None:
     """R0 of the linear law; where the case itself asks for the quadratic one, its slope.
 
-    Where nothing is known it is assumed: α tuned at rest goes with R0 (α/R0 is what the resting
-    ratio fixes), and the ratio under stress stays what it is.
+    Where nothing is known it is assumed, from the body where the case tells it: α tuned at rest
+    goes with R0 (α/R0 is what the resting ratio fixes), and the ratio under stress stays what it
+    is.
     """
     given, assumed = case.surrogate, False
     if given.R0 is not None and given.K is not None and given.law == QUADRATIC:
@@ -202,8 +203,10 @@ def _linear(case: Case, vessel: ContouredArtery | None) -> ReducedModel | None:
         R0 = vessel.losses.law.tangent(TANGENT_DROP)
         origin = "R0 = slope of the lumen's pressure-flow law at a drop of 40 mmHg"
     elif given.law == LINEAR:
-        R0, assumed = ASSUMED_R0, True
-        origin = "R0 assumed; FFR does not depend on it, alpha and flow do"
+        usual, assumed = case.from_body.assumed.get("surrogate.R0"), True
+        R0 = ASSUMED_R0 if usual is None else usual.value
+        told = "assumed" if usual is None else "from the usual flow of the patient's body"
+        origin = f"R0 {told}; FFR does not depend on it, alpha and flow do"
     else:
         return None
     surrogate = Surrogate(R0=R0, C0=given.C0, coronary=_coronary(case))

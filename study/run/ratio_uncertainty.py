@@ -1,6 +1,7 @@
 """FFR of every condition under stress with an interval, its causes and what would shrink it.
 
-Each number of the case has a distribution (`calibration.patient_inputs`), and α is tuned to the
+Each number of the case has a distribution (`calibration.patient_inputs`; those that the body tells
+have that of `calibration.body_priors`), and α is tuned to the
 resting ratio in each sample of them. The response of the bed to stress is not one of the published
 rules but what flow reserves in the literature leave open, or what the case says of it; a measured
 flow reserve narrows it.
@@ -22,12 +23,14 @@ from calibration import (
     Runs,
     StressEvidence,
     StressRatio,
+    Truncated,
     Uncertainty,
     evaluate,
     patient_inputs,
     stress_evidence,
     uncertainty,
 )
+from calibration.stress_ratio import REST_PREFIX
 from lumped import MMHG
 from lumped.nominal import RESERVE_ERROR
 from study.case.condition import Condition
@@ -121,7 +124,28 @@ def condition_inputs(patient: Patient, condition: str) -> dict[str, AbstractSpre
     case = patient.case
     errors = _errors(case, ratio_error(case.conditions["rest"]))
     model, response = stress_model(patient, condition), response_to_stress(case, condition)
-    return patient_inputs(model, response, errors)
+    inputs = patient_inputs(model, response, errors)
+    return {**inputs, **{n: s for n, s in _from_body(case).items() if n in inputs}}
+
+
+def _from_body(case: Case) -> dict[str, AbstractSpread]:
+    """Distributions of numbers that the case does not give and its body tells.
+
+    Pressures are cut off at 45 % of their distance, so that systolic ones stay above diastolic
+    ones.
+    """
+    assumed, rest = case.from_body.assumed, case.conditions["rest"]
+    found: dict[str, AbstractSpread] = {}
+    reach = 0.45 * (rest.P_systolic - rest.P_diastolic)
+    for name in ("P_systolic", "P_diastolic"):
+        entry = assumed.get(f"condition.rest.{name}")
+        if entry is not None and entry.sd:
+            low, high = entry.value - reach, entry.value + reach
+            found[REST_PREFIX + name] = Truncated(entry.value, entry.sd, low, high)
+    for key, name in (("condition.rest.period", f"{REST_PREFIX}period"), ("surrogate.R0", "R0")):
+        if key in assumed:
+            found[name] = LogNormal(assumed[key].value, assumed[key].log_sd or 0.0)
+    return found
 
 
 def ratio_uncertainty(
@@ -159,8 +183,8 @@ def response_to_stress(case: Case, condition: str) -> StressEvidence:
     entry = case.conditions.get(condition)
     drug = (entry.drug if entry else None) or (named[0] if named else "other")
     age = "unknown"
-    if known.age is not None:
-        age = "adult" if known.age >= ADULT_YEARS else "child"
+    if case.body.age_years is not None:
+        age = "adult" if case.body.age_years >= ADULT_YEARS else "child"
     found = stress_evidence(drug, age)
     if known.bed_factor is not None:
         found = found._replace(

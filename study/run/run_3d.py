@@ -45,7 +45,7 @@ def run_key(context: RunContext, run: PlannedRun, before: PlannedRun | None = No
     rest = case.conditions.get("rest")
     entry = case.conditions[run.id.condition]
     solver = dataclasses.replace(case.solver, n_steps=None)
-    blocks = (case.blood, case.wall, case.coronary, case.surrogate, case.windkessel, solver)
+    blocks = (case.blood, case.wall, *case.beds, case.surrogate, case.windkessel, solver)
     factors = case.stress.factors if run.id.rule == "factors" else None
     conditions = tuple(None if c is None else c.without_outcome() for c in (rest, entry))
     condition, rule = run.id.condition, run.id.rule

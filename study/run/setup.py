@@ -5,7 +5,10 @@
 | ``aorta_inlet`` | the aortic pressure of the condition |
 | ``aorta_outlet`` | Windkessel of the systemic circulation, from cardiac output and pressures |
 | an anomalous outlet | five-element coronary bed, its resistances times alpha |
-| every other outlet | the coronary bed of the case, not scaled |
+| every other outlet | the bed of the normal artery (`Case.normal_bed`), without alpha |
+
+The normal artery has a bed in the size of the patient's body where the case tells the body; its
+outlets share it. Without a body each has the bed of the case.
 
 A segment, a vessel without the aorta, has the aortic pressure at its ``inlet`` and the coronary bed
 times alpha behind its outlets; it needs no cardiac output. Several outlets of one artery share its
@@ -234,11 +237,15 @@ def outlets_of(
     others = [n for n in mesh.openings if n not in (inlet_name(mesh.openings), OUTLET)]
     scaled = [name for name in others if segment or is_anomalous(name)]
     shares = outlet_shares({name: opening_area(mesh, name) for name in scaled})
+    whole = [] if case.from_body.normal_bed is None else [n for n in others if n not in shares]
+    normal_shares = outlet_shares({name: opening_area(mesh, name) for name in whole})
     ventricle = VentricularPressure(entry.P_systolic, entry.period)
     plain = Coronary(P_im=ventricle, **dataclasses.asdict(case.coronary))
+    normal = Coronary(P_im=ventricle, **dataclasses.asdict(case.normal_bed))
     for name in others:
-        bed = coronary_outlet(plain, ventricle, alpha if name in shares else 1.0, rule)
-        blocks[name] = share_of(bed, shares.get(name, 1.0))
+        scale, own_bed = (alpha, plain) if name in shares else (1.0, normal)
+        bed = coronary_outlet(own_bed, ventricle, scale, rule)
+        blocks[name] = share_of(bed, shares.get(name, normal_shares.get(name, 1.0)))
         if name in shares and own is not None:  # the states are pressures: alike in every share
             before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=bed)
             network = before.network(condition_of(entry), inlet=inlet)

@@ -7,11 +7,13 @@ aortic root belong to a body surface area of 1.9 m²; `scaled_anatomy` turns an 
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from lumped.units import MM
 
 Side = Literal["left", "right"]
+Number = Any
+"""A float, or an array where a result is differentiated by it; this module does without JAX."""
 
 ADULT_SURFACE_AREA_M2 = 1.9
 
@@ -323,13 +325,22 @@ _CORONARY = (
 _LEAST_DISTAL_LENGTH = 1.2  # the reference area is taken 1 cm beyond the intramural course
 
 
-def coronary_diameter(side: Side, body_surface_area_m2: float) -> float:
+def coronary_diameter(side: Side, body_surface_area_m2: Number) -> Number:
     """Normal diameter of a main coronary artery [cm] (Dallaire & Dahdah 2011, JASE 24:60).
 
     Left main: −0.182 + 2.924 √BSA mm; right: −0.304 + 2.752 √BSA mm, BSA in m².
     """
-    root = math.sqrt(body_surface_area_m2)
+    root = body_surface_area_m2**0.5
     return (-0.182 + 2.924 * root if side == "left" else -0.304 + 2.752 * root) * MM
+
+
+def coronary_diameter_sd(side: Side, body_surface_area_m2: Number) -> Number:
+    """Standard deviation of that diameter [cm], from the same source.
+
+    Left main: 0.180 + 0.253 √BSA mm; right: 0.163 + 0.288 √BSA mm.
+    """
+    root = body_surface_area_m2**0.5
+    return (0.180 + 0.253 * root if side == "left" else 0.163 + 0.288 * root) * MM
 
 
 def scaled_anatomy(p: SyntheticParameters, body_surface_area_m2: float) -> SyntheticParameters:

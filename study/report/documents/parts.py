@@ -90,3 +90,47 @@ class AlphaCurve:
 
     alpha: list[float]
     rest_ratio: list[float]
+
+
+@dataclasses.dataclass(frozen=True)
+class AssumedNumber:
+    """A number that the case does not give and the body of the patient tells.
+
+    Attributes:
+        text: what it is.
+        value: the number, in its unit.
+        low: 5 of 100 patients with this body lie below.
+        high: 5 of 100 lie above.
+        unit: in which the three are.
+        source: where they come from.
+    """
+
+    text: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    source: str
+
+
+@dataclasses.dataclass(frozen=True)
+class BodyNumbers:
+    """The body of the patient, and what was assumed from it.
+
+    Attributes:
+        weight_kg: weight.
+        height_cm: standing height.
+        age_years: age.
+        sex: `female` or `male`.
+        surface_area_m2: body surface area (Haycock et al. 1978).
+        dominance: artery that feeds the lower wall of the left ventricle.
+        assumed: numbers that the case does not give, by its table and key.
+    """
+
+    weight_kg: float | None
+    height_cm: float | None
+    age_years: float | None
+    sex: str | None
+    surface_area_m2: float | None
+    dominance: str
+    assumed: dict[str, AssumedNumber]

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from study.report.documents.parts import AlphaCurve, Headline, Note
+from study.report.documents.parts import AlphaCurve, BodyNumbers, Headline, Note
 from study.report.documents.uncertainty import UncertainFFR
 from study.store.json_form import ABSENT, Absent
 from study.store.mesh_parts import MeshFailure, MeshPart
@@ -354,6 +354,7 @@ class RunDocument:
             asked for.
         uncertainty: FFR of each condition under stress with an interval; absent without
             `--uncertainty`.
+        body: the body of the patient and what was assumed from it; absent where it is not known.
     """
 
     format: str
@@ -382,3 +383,4 @@ class RunDocument:
     waveforms: list[RunWaveform]
     mesh: MeshPart | MeshFailure | Absent | None = ABSENT
     uncertainty: list[UncertainFFR] | Absent = ABSENT
+    body: BodyNumbers | Absent = ABSENT

@@ -3,7 +3,7 @@
 import dataclasses
 
 from jaxfsi.simulation.cycles import CycleMeans
-from study.report.documents.parts import Note
+from study.report.documents.parts import BodyNumbers, Note
 from study.store.json_form import ABSENT, Absent
 from study.store.provenance import Provenance
 
@@ -181,6 +181,7 @@ class SimulateDocument:
         remarks: notes of the case, by table.
         provenance: inputs, options, versions.
         history: pressures, flows and effort over time.
+        body: the body of the patient and what was assumed from it; absent where it is not known.
     """
 
     format: str
@@ -215,3 +216,4 @@ class SimulateDocument:
     remarks: dict[str, str]
     provenance: Provenance
     history: SimulatedHistory
+    body: BodyNumbers | Absent = ABSENT

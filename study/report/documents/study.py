@@ -3,7 +3,7 @@
 import dataclasses
 from typing import Any
 
-from study.report.documents.parts import AlphaCurve, Headline, Note
+from study.report.documents.parts import AlphaCurve, BodyNumbers, Headline, Note
 from study.report.documents.uncertainty import UncertainFFR
 from study.run.results import Run3D
 from study.run.study_parts import (
@@ -232,6 +232,7 @@ class StudyDocument:
         mesh_error: what a second mesh says of the ramp; absent without `--mesh-error`.
         uncertainty: FFR in 3D of each condition under stress with an interval; absent without
             `--uncertainty`.
+        body: the body of the patient and what was assumed from it; absent where it is not known.
     """
 
     format: str
@@ -264,3 +265,4 @@ class StudyDocument:
     provenance: Provenance
     mesh_error: MeshErrorPart | Absent = ABSENT
     uncertainty: list[UncertainFFR] | Absent = ABSENT
+    body: BodyNumbers | Absent = ABSENT

@@ -155,7 +155,8 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     rest = dataclasses.replace(full.conditions["rest"], **only_stress)
     assert None not in dataclasses.astuple(rest)
     assert full.conditions["dobutamine"].flow_reserve is not None
-    assert None not in (full.uncertainty.age, full.uncertainty.bed_factor)
+    assert None not in dataclasses.astuple(full.body)
+    assert full.uncertainty.bed_factor is not None
     assert None not in dataclasses.astuple(full.solver)
     require(full, "mesh")
     assert full.anatomy is not None

@@ -35,6 +35,8 @@ P_systolic_mmHg = 130.0
 P_diastolic_mmHg = 70.0
 period_s = 0.45
 {reserve}
+[body]
+{age}
 [surrogate]
 R0_dyn_s_per_cm5 = 5.0e3
 [uncertainty]
@@ -42,9 +44,9 @@ R0_dyn_s_per_cm5 = 5.0e3
 """
 
 
-def _case(tmp_path, known="", reserve=""):
+def _case(tmp_path, known="", reserve="", age=""):
     file = tmp_path / "unsure.toml"
-    file.write_text(CASE.format(known=known, reserve=reserve))
+    file.write_text(CASE.format(known=known, reserve=reserve, age=age))
     return read_case(file)
 
 
@@ -91,20 +93,20 @@ def test_flow_reserve_narrows_the_interval_to_its_place(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("known", "source"),
+    ("known", "age", "source"),
     [
-        ("age_years = 9", "assumed as under adenosine"),
-        ("age_years = 40", "Jiang et al. 2022"),
-        ("", "adults and children pooled"),
-        ("bed_factor = 0.6", "the case"),
+        ("", "age_years = 9", "assumed as under adenosine"),
+        ("", "age_years = 40", "Jiang et al. 2022"),
+        ("", "", "adults and children pooled"),
+        ("bed_factor = 0.6", "", "the case"),
     ],
 )
-def test_evidence_is_that_of_age_and_drug(known, source, tmp_path):
-    found = response_to_stress(_case(tmp_path, known), "dobutamine")
+def test_evidence_is_that_of_age_and_drug(known, age, source, tmp_path):
+    found = response_to_stress(_case(tmp_path, known, age=age), "dobutamine")
     assert source in found.source
     if source == "the case":
         assert float(found.bed_factor.median) == 0.6
-    other = response_to_stress(_case(tmp_path, known), "exercise")
+    other = response_to_stress(_case(tmp_path, known, age=age), "exercise")
     assert float(other.stress_loss.median) < float(found.stress_loss.median)
 
 
@@ -114,7 +116,7 @@ def test_evidence_is_that_of_age_and_drug(known, source, tmp_path):
         ("P_venous_low_mmHg = 12\nP_venous_high_mmHg = 5", "", "is not above the least one, 12"),
         ("bed_factor = 7", "", "bed_factor"),
         ("bed_facter = 0.5", "", "bed_factor"),
-        ("age_years = -3", "", "age_years"),
+        ("age_years = 9", "", r"move it below \[body\]"),
         ("", "flow_reserve = 40", "flow_reserve"),
     ],
 )
@@ -125,7 +127,7 @@ def test_bad_uncertainty_is_refused(known, reserve, said, tmp_path):
 
 def test_flow_reserve_at_rest_is_refused(tmp_path):
     file = tmp_path / "unsure.toml"
-    text = CASE.format(known="", reserve="").replace("ffr_sd = 0.01", "flow_reserve = 2.0")
+    text = CASE.format(known="", reserve="", age="").replace("ffr_sd = 0.01", "flow_reserve = 2.0")
     file.write_text(text)
     with pytest.raises(CaseError, match="a flow reserve is measured under stress"):
         read_case(file)
@@ -204,7 +206,7 @@ def test_drug_and_venous_pressure_of_the_case_count(tmp_path):
     named = _case(tmp_path, reserve='drug = "adenosine"')
     assert float(response_to_stress(named, "dobutamine").stress_loss.median) == 1.0
     assert response_to_stress(named, "dobutamine").pooled
-    assert not response_to_stress(_case(tmp_path, "age_years = 40"), "dobutamine").pooled
+    assert not response_to_stress(_case(tmp_path, age="age_years = 40"), "dobutamine").pooled
     measured = dataclasses.replace(named.coronary, P_venous=8.0 * MMHG)
     low, high = venous_range(dataclasses.replace(named, coronary=measured))
     assert (low / MMHG, high / MMHG) == pytest.approx((6.0, 10.0))
@@ -213,7 +215,25 @@ def test_drug_and_venous_pressure_of_the_case_count(tmp_path):
 
 def test_a_drug_at_rest_is_refused(tmp_path):
     file = tmp_path / "unsure.toml"
-    text = CASE.format(known="", reserve="")
+    text = CASE.format(known="", reserve="", age="")
     file.write_text(text.replace("ffr_sd = 0.01", 'ffr_sd = 0.01\ndrug = "adenosine"'))
     with pytest.raises(CaseError, match="a drug is given under stress"):
         read_case(file)
+
+
+def test_numbers_of_the_body_are_drawn_with_its_spread(tmp_path):
+    text = CASE.format(
+        known="",
+        reserve="",
+        age='weight_kg = 36\nheight_cm = 144\nage_years = 11\nsex = "female"',
+    )
+    for line in ("P_systolic_mmHg = 110.0", "P_diastolic_mmHg = 65.0", "period_s = 0.80"):
+        text = text.replace(f"{line}\n", "", 1)
+    file = tmp_path / "unsure.toml"
+    file.write_text(text)
+    inputs = condition_inputs(load_patient(read_case(file)), "dobutamine")
+    assert float(inputs["rest_P_systolic"].sd) / MMHG == pytest.approx(10.4855)
+    assert float(inputs["rest_period"].log_sd) == 0.13
+    assert float(inputs["P_systolic"].sd) / MMHG == pytest.approx(3.0)  # given, so measured
+    low = inputs["rest_P_systolic"].value(jnp.array(-6.0))
+    assert low > inputs["rest_P_diastolic"].value(jnp.array(6.0))

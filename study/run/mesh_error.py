@@ -23,7 +23,7 @@ from study.run.ratio_uncertainty import stress_model
 from study.run.study_context import case_with_curve
 from study.run.study_parts import Band, MeshErrorPart
 
-ORDERS = (2.0, 3.0, 4.0)
+ORDERS = (2.0, 3.0, 5.0)
 """Least, usual and largest order of the mesh error in the elements across; of the bundled patient
 and two drawn children see docs/benchmarks/algorithm-1.md."""
 

@@ -144,11 +144,7 @@ def test_provenance_names_inputs_versions_and_command(result):
 def test_json_is_one_object_with_nothing_around_it(demo):
     assert demo.json["patient"] == "anomalous-rca-ivus"
     assert "waveforms" not in demo.json
-    assert [name.rsplit("/")[-1] for name in demo.json["files"]] == [
-        "report.html",
-        "result.json",
-        "run.log",
-    ]
+    assert [name.rsplit("/")[-1] for name in demo.json["files"]] == ["report.html", "result.json"]
     assert sorted(path.name for path in demo.folder.iterdir()) == [
         "report.html",
         "result.json",

@@ -54,7 +54,7 @@ class Fault:
 
     @property
     def where(self) -> str:
-        """The file with the line, `case.toml:41`."""
+        """The file, with the line where it is known."""
         return printable(self.file) + ("" if self.line is None else f":{self.line}")
 
     @property

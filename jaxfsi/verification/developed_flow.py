@@ -9,6 +9,15 @@ The velocity w along the axis of a lumen of length L, driven by a pressure drop 
 | ellipse, half axes a and b | π a³b³/(4 (a² + b²)) |
 | rectangle, sides a ≥ b | a b³/12 (1 − 192 b/(π⁵ a) Σ_{n odd} tanh(nπa/(2b))/n⁵) |
 
+Under a drop that oscillates, ΔP e^(iωt)::
+
+    iωρ w − μ ∇²w = ΔP/L
+
+| section | flow for a unit ΔP/(μ L), with λ² = ωρ/μ |
+|---|---|
+| pipe of radius R | Womersley's, `womersley.impedance_per_length` |
+| rectangle | Σ_{m,n odd} 64 a b/(π⁴ m² n²)/(π² (m²/a² + n²/b²) + iλ²) |
+
 Solved without the core, so that what is read of a flow can be checked apart from it.
 
 Source: White 2006, Viscous fluid flow, eqs. 3-47 and 3-48; `developed_flow` is linear elements
@@ -17,14 +26,18 @@ Source: White 2006, Viscous fluid flow, eqs. 3-47 and 3-48; `developed_flow` is 
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
-from jaxtyping import Float, Int
+from jaxtyping import Complex, Float, Int
 from scipy.sparse.linalg import splu
 
+from jaxfsi.core.laws.viscosity import Newtonian
+from jaxfsi.fields.viscous_loss import viscous_loss
 from jaxfsi.mesh import INTERFACE
 from jaxfsi.meshing import strip
 from jaxfsi.verification.round_tube import round_tube
+from jaxfsi.verification.womersley import impedance_per_length
 
 _TERMS = np.arange(1, 400, 2)
 _LAYERS = 4  # of elements along the axis, each as long as an element across is wide
@@ -60,6 +73,18 @@ class DevelopedFlow(NamedTuple):
     Q: float
 
 
+class OscillatingFlow(NamedTuple):
+    """An oscillating flow; the real part of each times e^(iωt).
+
+    Attributes:
+        u: velocity [cm/s].
+        Q: flow [cm³/s].
+    """
+
+    u: Complex[np.ndarray, "3 nodes"]
+    Q: complex
+
+
 def ellipse_flow(a: float, b: float) -> float:
     """Flow through an ellipse of half axes a and b [cm] for a unit ΔP/(μ L) [cm⁴]."""
     return float(np.pi * a**3 * b**3 / (4.0 * (a**2 + b**2)))
@@ -70,6 +95,29 @@ def rectangle_flow(a: float, b: float) -> float:
     a, b = max(a, b), min(a, b)
     series = np.sum(np.tanh(_TERMS * np.pi * a / (2.0 * b)) / _TERMS**5)
     return float(a * b**3 / 12.0 * (1.0 - 192.0 * b / (np.pi**5 * a) * series))
+
+
+def oscillating_pipe_flow(radius: float, wave: float) -> complex:
+    """Flow through a pipe for a unit ΔP/(μ L) e^(iωt) [cm⁴] (`womersley.impedance_per_length`).
+
+    Args:
+        radius: of the pipe [cm].
+        wave: ωρ/μ [1/cm²].
+    """
+    return 1.0 / impedance_per_length(radius, wave, 1.0, 1.0)
+
+
+def oscillating_rectangle_flow(a: float, b: float, wave: float) -> complex:
+    """Flow through a rectangle of sides a and b [cm] for a unit ΔP/(μ L) e^(iωt) [cm⁴].
+
+    Args:
+        a: one side [cm].
+        b: the other [cm].
+        wave: ωρ/μ [1/cm²].
+    """
+    m, n = np.meshgrid(_TERMS, _TERMS)
+    decay = np.pi**2 * ((m / a) ** 2 + (n / b) ** 2) + 1j * wave
+    return complex(np.sum(64.0 * a * b / (np.pi**4 * m**2 * n**2) / decay))
 
 
 def elliptic_lumen(a: float, b: float, n_across: int) -> StraightLumen:
@@ -134,16 +182,59 @@ def developed_flow(lumen: StraightLumen, *, dP: float = 1.0, mu: float = 1.0) ->
         dP: pressure drop over its length [dyn/cm²].
         mu: viscosity [g/(cm·s)].
     """
+    stiffness, _, share = _matrices(lumen)
+    free = np.setdiff1d(np.arange(len(share)), lumen.wall)
+    w = np.zeros(len(share))
+    force = dP / (mu * lumen.length) * share[free]
+    w[free] = splu(stiffness[free][:, free].tocsc()).solve(force)
+    return DevelopedFlow(np.stack([0.0 * w, 0.0 * w, w]), float(share @ w) / lumen.length)
+
+
+def oscillating_flow(lumen: StraightLumen, wave: float) -> OscillatingFlow:
+    """The developed flow of linear elements under a drop of e^(iωt) dyn/cm², for μ = 1.
+
+    Args:
+        lumen: where.
+        wave: ωρ/μ [1/cm²]; Womersley's number is R times its root.
+    """
+    stiffness, mass, share = _matrices(lumen)
+    free = np.setdiff1d(np.arange(len(share)), lumen.wall)
+    w = np.zeros(len(share), complex)
+    matrix = (stiffness + 1j * wave * mass)[free][:, free].tocsc()
+    w[free] = splu(matrix).solve(share[free] / lumen.length + 0j)
+    return OscillatingFlow(np.stack([0.0 * w, 0.0 * w, w]), complex(share @ w) / lumen.length)
+
+
+def oscillating_defect(flow: OscillatingFlow, lumen: StraightLumen) -> complex:
+    """η of an oscillating flow of μ = 1, with complex squares: its share of Q is lost to the mesh.
+
+    Q is a(w, w)/ΔP with a(v, w) = iωρ ∫ v w + μ ∫ ∇v·∇w, and so Q − Q_h = a(e, e)/ΔP of the error
+    e, whose gradient `jaxfsi.fields.viscous_loss` recovers; ∫ e² is of higher order.
+    """
+    x, tets = jnp.asarray(lumen.points.T), jnp.asarray(lumen.tets.T)
+
+    def defect(u: Float[np.ndarray, "3 nodes"]) -> float:
+        return float(jnp.sum(viscous_loss(jnp.asarray(u), x, tets, Newtonian(1.0)).defect))
+
+    real, imaginary = defect(flow.u.real), defect(flow.u.imag)
+    both = defect(flow.u.real + flow.u.imag)
+    return complex(real - imaginary, both - real - imaginary)
+
+
+def _matrices(
+    lumen: StraightLumen,
+) -> tuple[sp.csr_matrix, sp.csr_matrix, Float[np.ndarray, " nodes"]]:
+    """∫ ∇N_a·∇N_b, ∫ N_a N_b and ∫ N_a."""
     x, tets, n = lumen.points, lumen.tets, len(lumen.points)
     edges = x[tets[:, 1:]] - x[tets[:, :1]]
     others = np.swapaxes(np.linalg.inv(edges), 1, 2)
     grad = np.concatenate([-np.sum(others, axis=1, keepdims=True), others], axis=1)
     volume = np.abs(np.linalg.det(edges)) / 6.0
-    local = np.einsum("tai,tbi,t->tab", grad, grad, mu * volume)
     rows, columns = np.repeat(tets, 4, axis=1).ravel(), np.tile(tets, (1, 4)).ravel()
-    matrix = sp.csr_matrix((local.ravel(), (rows, columns)), shape=(n, n))
-    share = np.bincount(tets.ravel(), np.repeat(volume / 4.0, 4), n)
-    free = np.setdiff1d(np.arange(n), lumen.wall)
-    w = np.zeros(n)
-    w[free] = splu(matrix[free][:, free].tocsc()).solve(dP / lumen.length * share[free])
-    return DevelopedFlow(np.stack([0.0 * w, 0.0 * w, w]), float(share @ w) / lumen.length)
+
+    def assembled(local: Float[np.ndarray, "tets 4 4"]) -> sp.csr_matrix:
+        return sp.csr_matrix((local.ravel(), (rows, columns)), shape=(n, n))
+
+    stiffness = assembled(np.einsum("tai,tbi,t->tab", grad, grad, volume))
+    mass = assembled(np.multiply.outer(volume / 20.0, np.ones((4, 4)) + np.eye(4)))
+    return stiffness, mass, np.bincount(tets.ravel(), np.repeat(volume / 4.0, 4), n)

@@ -5,7 +5,8 @@ is left out or replaced, and a comment in the file says so:
 
 - a coronary bed becomes an RCR of the same total resistance, R_proximal = R_1, C = C_a,
   R_distal = R_2 + R_3: without the pump of the heart muscle means agree, waveforms do not;
-- the run starts from no pressure, and the wall carries none in the shape of the image.
+- the run starts from no pressure, and the wall carries none in the shape of the image: over a
+  quarter of the first cycle the aortic pressure rises from nothing, and the outlets fill with it.
 """
 
 import math
@@ -28,7 +29,12 @@ from study.run.setup import aortic_pressure, check_simulation, outlets_of, plan_
 
 INPUT_FILE, PRESSURE_FILE = "solver.xml", "aortic_pressure.dat"
 
-_SAMPLES, _HARMONICS = 401, 64
+_SAMPLES, _HARMONICS = 400, 64
+"""Of a cycle."""
+
+_RISE = 0.25
+"""Share of the first cycle over which the pressure rises."""
+
 _FRAMES = 40
 _BACKFLOW = 0.2
 _LAWS = {"saint_venant_kirchhoff": "stVK", "neo_hookean": "neoHookean"}
@@ -55,7 +61,8 @@ def solver_input(case: Case, condition: str, mesh: Mesh, unit: str) -> dict[str,
     plan = plan_steps(case, condition)
     root = ET.Element("svMultiPhysicsFile", version="0.1")
     _say(root, f"{case.id}, {condition}: units are cm, g, s. Written by jaxfsi. It differs from")
-    _say(root, "a run of jaxfsi in this: the blood starts without pressure, at rest.")
+    _say(root, "a run of jaxfsi in this: the blood starts without pressure, at rest, and the")
+    _say(root, f"aortic pressure rises from nothing over the first {_RISE:g} of a cycle.")
     for text in _differences(case, rigid=rigid):
         _say(root, text)
     _general(root, plan.dt, plan.n_steps, plan.per_frame)
@@ -65,9 +72,7 @@ def solver_input(case: Case, condition: str, mesh: Mesh, unit: str) -> dict[str,
     _pressure(equation, f"fluid_{inlet}", PRESSURE_FILE)
     for name in mesh.openings:
         if name != inlet:
-            starts = outlets.starts.get(name)
-            start = 0.0 if starts is None else float(np.asarray(starts)[0])
-            _outlet(equation, name, outlets.blocks[name], start)
+            _outlet(equation, name, outlets.blocks[name])
     if rigid:
         _fixed(equation, f"fluid_{INTERFACE}")
     else:
@@ -79,8 +84,9 @@ def solver_input(case: Case, condition: str, mesh: Mesh, unit: str) -> dict[str,
             _fixed(moving, f"fluid_{name}")
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=False)
+    cycles = math.ceil(plan.n_steps / plan.per_cycle)
     head = '<?xml version="1.0" encoding="UTF-8" ?>\n'
-    return {INPUT_FILE: f"{head}{text}\n", PRESSURE_FILE: _samples(case, condition)}
+    return {INPUT_FILE: f"{head}{text}\n", PRESSURE_FILE: _samples(case, condition, cycles)}
 
 
 def input_or_reason(
@@ -237,7 +243,7 @@ def _pressure(parent: ET.Element, face: str, file: str) -> None:
     _put(part, "Temporal_values_file_path", file)
 
 
-def _outlet(parent: ET.Element, name: str, block: AbstractElement, start: float) -> None:
+def _outlet(parent: ET.Element, name: str, block: AbstractElement) -> None:
     """An RCR; of a coronary bed the one of the same resistance."""
     if isinstance(block, Coronary):
         values = block.R_1, block.C_a, block.R_2 + block.R_3, block.P_venous
@@ -260,7 +266,7 @@ def _outlet(parent: ET.Element, name: str, block: AbstractElement, start: float)
     names = ("Proximal_resistance", "Capacitance", "Distal_resistance", "Distal_pressure")
     for key, value in zip(names, values, strict=True):
         _put(rcr, key, float(value))
-    _put(rcr, "Initial_pressure", start)
+    _put(rcr, "Initial_pressure", 0.0)
 
 
 def _fixed(parent: ET.Element, face: str) -> None:
@@ -290,12 +296,14 @@ def _mesh_equation(root: ET.Element) -> ET.Element:
     return found
 
 
-def _samples(case: Case, condition: str) -> str:
-    """The aortic pressure over a cycle: numbers of samples and harmonics, then time and value."""
+def _samples(case: Case, condition: str, cycles: int) -> str:
+    """The aortic pressure of all cycles: numbers of samples and harmonics, then time and value."""
     entry = case.conditions[condition]
-    wave, t = aortic_pressure(entry), np.linspace(0.0, entry.period, _SAMPLES)
-    values = [float(wave(float(time))) for time in t]
-    values[-1] = values[0]
-    assert all(map(math.isfinite, values)), "a waveform is finite"
+    n = _SAMPLES * cycles + 1
+    wave, t = aortic_pressure(entry), np.linspace(0.0, cycles * entry.period, n)
+    share = np.minimum(t / (_RISE * entry.period), 1.0)
+    one = np.array([float(wave(float(time))) for time in t[:_SAMPLES]])
+    values = np.append(np.tile(one, cycles), one[0]) * np.sin(np.pi / 2.0 * share) ** 2
+    assert np.all(np.isfinite(values)), "a waveform is finite"
     rows = [f"{time:.8e} {value:.8e}" for time, value in zip(t, values, strict=True)]
-    return "\n".join([f"{_SAMPLES} {_HARMONICS}", *rows]) + "\n"
+    return "\n".join([f"{n} {_HARMONICS * cycles}", *rows]) + "\n"

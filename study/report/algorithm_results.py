@@ -2,8 +2,10 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Any
 
 from jaxfsi.opening import OUTLET
+from study.case.condition import Condition
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.parameters import WindkesselParameters
 from study.report.body_words import body_notes, body_part, normal_bed_notes
@@ -232,7 +234,16 @@ def _rows(result: StudyResult) -> Iterator[RatioRow]:
             fsi_sd=None if rule is None else sds.get((condition, rule)),
             fsi_nominal=None if nominal is None else nominal.ratio,
             flow_ml_per_min=None if best is None else best.distal.mean_Q_ml_per_min,
+            **_wave_free(case.conditions[condition], best),
         )
+
+
+def _wave_free(entry: Condition, run: Run3D | None) -> dict[str, Any]:
+    """Wave-free ratio at rest, as computed in 3D and as measured."""
+    if entry.kind != "rest" or run is None:
+        return {}
+    measured = {} if entry.ifr is None else {"measured_ifr": entry.ifr}
+    return {"ifr": run.ifr, **measured}
 
 
 def _reduced(

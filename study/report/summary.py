@@ -5,6 +5,7 @@ from typing import Any
 
 from study.report.body_words import BED_NOTICE, body_lines
 from study.report.number_formats import signed
+from study.report.ratio_limits import measured_words
 from study.report.uncertainty_words import causes_words, help_words, rules_words, uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
@@ -95,6 +96,7 @@ def _run(document: Document) -> Iterator[str]:
     yield from body_lines(document)
     yield from _intervals(document)
     yield document["verdict"]
+    yield from measured_words(document)
     yield from _small_print(document)
     yield ""
     columns = [f"{law[:4]}. {outlet}" for law in laws(document) for outlet in ("nominal", "calib.")]
@@ -246,6 +248,7 @@ def _study(document: Document) -> Iterator[str]:
     yield from body_lines(document)
     yield from _intervals(document)
     yield document["verdict"]
+    yield from measured_words(document)
     yield from _small_print(document)
     yield ""
     head = f"{'condition':<14}{'rule':<10}{'measured':>9}{'linear 0D':>11}{'curve 0D':>10}"

@@ -123,6 +123,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/number_formats.py", "study/report/older_parts.py", "study/report/page.py",
     "study/report/parameter_names.py",
     "study/report/pictures.py", "study/report/plan_results.py",
+    "study/report/ratio_limits.py",
     "study/report/simulation_rendering.py", "study/report/stored_page.py",
     "study/report/style.py", "study/report/summary.py", "study/report/sweep_results.py",
     "study/report/packed_array.py", "study/report/stored_vessel.py",

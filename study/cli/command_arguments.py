@@ -80,9 +80,11 @@ def _sweep_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def _template_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
+    kinds = command.add_mutually_exclusive_group()
+    kinds.add_argument(
         "--record", action="store_true", help="a measured record, with an example of its traces"
     )
+    kinds.add_argument("--csv", action="store_true", help="a table of many patients, for cohort")
     command.add_argument(
         "--schema", action="store_true", help="the JSON Schema of the file instead, for editors"
     )
@@ -327,7 +329,8 @@ def _show_arguments(command: argparse.ArgumentParser) -> None:
 
 def _cohort_arguments(command: argparse.ArgumentParser) -> None:
     what = command.add_mutually_exclusive_group(required=True)
-    what.add_argument("folder", nargs="?", type=pathlib.Path, help="folder of cases", metavar="DIR")
+    told = "folder of cases, or a CSV file with a row for each patient"
+    what.add_argument("folder", nargs="?", type=pathlib.Path, help=told, metavar="DIR")
     what.add_argument("--demo", action="store_true", help="use the bundled virtual cohort")
     command.add_argument(
         "--mode", choices=("curve", "3d"), default="curve", help="0D or 3D; default: curve"

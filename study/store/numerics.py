@@ -113,6 +113,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "lumped/whole_files.py",
     "study/case/advice.py", "study/case/demo.py", "study/case/faults.py",
     "study/case/json_schema.py", "study/case/reference.py", "study/case/sections.py",
+    "study/case/patient_table.py",
     "study/case/template.py", "study/case/toml_file.py", "jaxfsi/toml_lines.py",
     "study/cli/*",
     "study/report/*_figures.py", "study/report/*_report.py", "study/report/agreement.py",

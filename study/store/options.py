@@ -244,7 +244,7 @@ class CohortOptions(Options):
     """Options of `cohort`.
 
     Attributes:
-        folder: of the cases; None: the bundled ones.
+        folder: of the cases, or their CSV file; None: the bundled ones.
         demo: whether the bundled cases are used.
         mode: `curve` in 0D, `3d` the whole algorithm.
         workers: cases at a time; None: one a core.

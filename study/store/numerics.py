@@ -88,7 +88,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "jaxfsi/nominal.py",
         "study/case/anatomy*", "study/case/assumed.py", "study/case/beat*", "study/case/body.py",
         "study/case/combinations.py", "study/case/condition.py", "study/case/from_body.py",
-        "study/case/laws.py", "study/case/losses_table.py",
+        "study/case/laws.py", "study/case/losses_table.py", "study/case/operation.py",
         "study/case/blood.py", "study/case/model.py", "study/case/ostium.py",
         "study/case/parameters.py",
         "study/case/read.py", "study/case/schema.py", "study/case/table*",

@@ -6,9 +6,9 @@ from typing import Literal
 OperationKind = Literal["unroof", "reimplant", "stent"]
 
 WORDS = {
-    "unroof": "unroofing: the intramural course opened into the aorta",
-    "reimplant": "reimplantation: the intramural course cut off, a round ostium in the sinus",
-    "stent": "stent: the intramural course round",
+    "unroof": "Unroofing: the intramural course opened into the aorta",
+    "reimplant": "Reimplantation: the intramural course cut off, a round ostium in the sinus",
+    "stent": "Stent: the intramural course round",
 }
 """Each operation in words."""
 

@@ -114,6 +114,22 @@ pictures, stages/ and the fields of every run below runs/. Given again, the comm
 was ended; what does not follow from a changed input is not computed again.
 """,
     ),
+    "what-if": (
+        "an operation on the artery: lumen, loss and ratios before and after on one page",
+        """\
+examples:
+  jaxfsi what-if case.toml --unroof                the intramural course opened into the aorta
+  jaxfsi what-if case.toml --reimplant             cut off, a round ostium in the proper sinus
+  jaxfsi what-if case.toml --stent 3.5             round and 3.5 mm wide
+  jaxfsi what-if case.toml --unroof --mode 3d --quick
+  jaxfsi what-if case.toml --unroof --mode 3d --from case-results   after a finished study
+
+needs an anatomy of kind ivus or synthetic, and what study needs. The bed stays: alpha is tuned to
+the measured resting ratio before the operation and kept. In 0D the loss of the artery is scaled by
+the law of its lumen, in 3D the operated anatomy is meshed and run. Writes what-if.html,
+what-if.json, before/ and after/.
+""",
+    ),
     "cohort": (
         "many cases side by side, and how predicted and measured ratios agree",
         """\

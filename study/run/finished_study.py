@@ -10,6 +10,7 @@ from study.case.read import read_case
 from study.run.progress import Progress
 from study.run.results import Run3D, calibrated_runs
 from study.run.run_context import RunContext
+from study.run.study_choice import StudyChoice
 from study.run.study_context import check_study, open_context, with_curve
 from study.run.study_options import study_case, study_choice
 from study.store.case_inputs import inputs_of
@@ -43,12 +44,14 @@ class FinishedStudy(NamedTuple):
         ramp: that curve.
         alpha: α as calibrated in 3D [-].
         calibrated: its runs with it, rest first.
+        choice: how it was made.
     """
 
     context: RunContext
     ramp: RampCurve
     alpha: float
     calibrated: list[Run3D]
+    choice: StudyChoice
 
 
 class _Stored(NamedTuple):
@@ -95,7 +98,7 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     folder = place.parent if place.suffix == ".json" else place
     context, _ = open_context(case, folder, choice.run, progress)
     context = with_curve(context, stored.ramp.a, stored.ramp.b)
-    return FinishedStudy(context, stored.ramp, stored.alpha, stored.calibrated)
+    return FinishedStudy(context, stored.ramp, stored.alpha, stored.calibrated, choice)
 
 
 def _read(document: Mapping[str, Any]) -> _Stored:

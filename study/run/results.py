@@ -4,11 +4,8 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from jaxfsi.opening import is_anomalous
 from jaxfsi.simulation.cycles import CycleMeans, PortMeans
-from lumped.metrics import sampled_ifr
 from study.store.json_form import ABSENT, Absent, from_json
 from study.store.result_names import LOOP
 
@@ -157,22 +154,6 @@ class Run3D:
     def is_rest(self) -> bool:
         """Whether it is a run at rest."""
         return self.condition == "rest"
-
-    @property
-    def ifr(self) -> float | None:
-        """Instantaneous wave-free ratio of the last whole cycle [-]; None where there is none.
-
-        Where the aortic pressure at the ostium was read, its mean offset to that at the inlet is
-        added to the whole wave.
-        """
-        whole = [cycle for cycle in self.cycles if cycle.complete]
-        if not whole:
-            return None
-        t, aorta, distal = (
-            np.asarray(values)
-            for values in (self.history.t_s, self.history.P_aorta_mmHg, self.history.P_distal_mmHg)
-        )
-        return sampled_ifr(t, aorta + whole[-1].site_offset, distal, self.period_s)
 
     @property
     def distal(self) -> PortMeans:

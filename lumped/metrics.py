@@ -59,6 +59,34 @@ def ifr(
     )
 
 
+def sampled_ifr(
+    t: Float[np.ndarray, " times"],
+    P_aorta: Float[np.ndarray, " times"],
+    P_distal: Float[np.ndarray, " times"],
+    period: float,
+) -> float | None:
+    """The same ratio of two sampled pressures, over the last whole cycle.
+
+    Args:
+        t: times from the start of a cycle on [s], ascending.
+        P_aorta: aortic pressure at these times.
+        P_distal: distal pressure, in the same unit.
+        period: length of a cycle [s].
+
+    Returns:
+        The ratio; None where no whole cycle is there, or less than two samples in its window.
+    """
+    whole = int((float(t[-1]) if len(t) else 0.0) / period + 1e-6)
+    if whole < 1:
+        return None
+    start = (whole - 1) * period + (0.25 + 0.75 * VALVE_CLOSURE) * period
+    window = (t >= start) & (t <= whole * period - 5e-3)
+    if np.count_nonzero(window) < 2:
+        return None
+    distal, aorta = (np.trapezoid(P[window], t[window]) for P in (P_distal, P_aorta))
+    return float(distal / aorta) if aorta > 0.0 else None
+
+
 def systolic_share(
     solution: PeriodicSolution, name: str = "ostium", *, t_valve: Parameter | None = None
 ) -> Float[Array, ""]:

@@ -25,6 +25,13 @@ if TYPE_CHECKING:
         tube,
         tube_foot,
     )
+    from jaxfsi.anatomy.operations import (
+        IntramuralCourse,
+        intramural_course,
+        reimplanted,
+        stented,
+        unroofed,
+    )
     from jaxfsi.anatomy.sections import (
         Section,
         centerline_point,
@@ -62,6 +69,7 @@ if TYPE_CHECKING:
     from jaxfsi.anatomy.sources.surface import Cut, SurfaceOptions, surface_anatomy
     from jaxfsi.anatomy.sources.synthetic import synthetic_anatomy, synthetic_vessels
     from jaxfsi.anatomy.surfaces.triangles import Triangles, read_triangles
+    from jaxfsi.anatomy.vessel_sections import ArterySections, vessel_sections
     from jaxfsi.anatomy.vessels import VesselTube, local_half_width, lumen_distance, lumen_function
     from jaxfsi.anatomy.wall import (
         requested_thickness,
@@ -75,10 +83,12 @@ __all__ = [
     "PUBLISHED",
     "Anatomy",
     "AortaFit",
+    "ArterySections",
     "Centerline",
     "Curve",
     "Cut",
     "Foot",
+    "IntramuralCourse",
     "IvusOptions",
     "Measures",
     "Opening",
@@ -105,6 +115,7 @@ __all__ = [
     "elliptic_contours",
     "extended",
     "fit_aorta",
+    "intramural_course",
     "ivus_anatomy",
     "local_half_width",
     "lofted",
@@ -121,12 +132,14 @@ __all__ = [
     "read_centerline",
     "read_pullback",
     "read_triangles",
+    "reimplanted",
     "requested_thickness",
     "rotation_minimising_normals",
     "sample_anatomies",
     "sample_measures",
     "scaled_anatomy",
     "smooth_minimum",
+    "stented",
     "surface_anatomy",
     "surface_outline",
     "surface_points",
@@ -136,6 +149,8 @@ __all__ = [
     "thickness_from_radius",
     "tube",
     "tube_foot",
+    "unroofed",
+    "vessel_sections",
     "wall_distance",
     "wall_function",
 ]

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxfsi.anatomy.vessels import VesselTube
 from jaxfsi.opening import Opening
 
 OVERRUN = 0.5
@@ -55,6 +56,7 @@ class Anatomy:
         centerlines: axis of each vessel by name (``aorta``, ``anomalous``, ``normal``); used for
             cross-sections and pictures.
         meta: numbers worth keeping with the mesh (parameters, state, source).
+        vessels: the tubes whose union the lumen is, the aorta first; none where it is a surface.
     """
 
     name: str
@@ -66,3 +68,4 @@ class Anatomy:
     bounds: Float[np.ndarray, "2 3"]
     centerlines: dict[str, Centerline]
     meta: dict[str, object] = dataclasses.field(default_factory=dict)
+    vessels: tuple[VesselTube, ...] = ()

@@ -17,6 +17,8 @@ from jaxtyping import Float
 from jaxfsi.anatomy.implicit import Foot, Tube, smooth_minimum, tube_foot
 
 _REACH = 0.5  # farther than this from a branch [cm] its exact distance decides nothing
+_TIP_BLEND = 1.5  # blend radius at the tip of the septum, over the septum
+_FAR_BLEND = 0.3  # blend radius along the septum, over the septum
 _SHARE_WIDTH = 0.03  # over which a property passes from one vessel to the next [cm]
 
 
@@ -37,6 +39,27 @@ class VesselTube:
     half_width: Float[np.ndarray, " samples"]
     thickness: Float[np.ndarray, " samples"]
     blend: Float[np.ndarray, " samples"]
+
+
+def septum_blend(
+    gap: Float[np.ndarray, " samples"], s: Float[np.ndarray, " samples"], septum: float
+) -> Float[np.ndarray, " samples"]:
+    """Blend radius along an artery that leaves the main vessel and runs beside it [cm].
+
+    Where the gap g between the lumens is below half the septum, k = 1.5 septum joins them (two
+    parallel surfaces join where g < k/2); where it has grown to the septum, k = 0.3 septum leaves
+    both alone. In between the septum begins, with a rounded tip.
+
+    Args:
+        gap: least distance of each section from the lumen of the main vessel [cm].
+        s: arc length of each [cm], 0 at the ostium.
+        septum: thickness of the tissue between the lumens [cm].
+    """
+    x = np.clip((gap / septum - 0.5) / 0.4, 0.0, 1.0)
+    # Distal of the first place with a septum no blending may come back.
+    x = np.maximum.accumulate(np.where(s < 0.0, 0.0, x))
+    x = x**2 * (3.0 - 2.0 * x)
+    return septum * (_TIP_BLEND + (_FAR_BLEND - _TIP_BLEND) * x)
 
 
 def vessel_feet(vessels: Sequence[VesselTube], points: Float[np.ndarray, "points 3"]) -> list[Foot]:

@@ -216,8 +216,8 @@ def oscillating_defect(flow: OscillatingFlow, lumen: StraightLumen) -> complex:
     def defect(u: Float[np.ndarray, "3 nodes"]) -> float:
         return float(jnp.sum(viscous_loss(jnp.asarray(u), x, tets, Newtonian(1.0)).defect))
 
-    real, imaginary = defect(flow.u.real), defect(flow.u.imag)
-    both = defect(flow.u.real + flow.u.imag)
+    real, imaginary = defect(np.real(flow.u)), defect(np.imag(flow.u))
+    both = defect(np.real(flow.u) + np.imag(flow.u))
     return complex(real - imaginary, both - real - imaginary)
 
 

@@ -173,6 +173,13 @@ def _check_uncertainty(values: Mapping[str, Any], context: Context) -> None:
                 "a standard deviation without its flow reserve",
                 "add flow_reserve, or leave flow_reserve_sd out",
             )
+        if name != "rest" and entry.get("ifr") is not None:
+            context.add(
+                f"condition.{name}.ifr",
+                entry["ifr"],
+                "iFR is measured at rest, without a drug",
+                "move it to [condition.rest]; mean distal over mean aortic pressure is ffr",
+            )
     rest = values["condition"].get("rest") or {}
     if rest.get("drug") is not None:
         problem, cure = "a drug is given under stress, not at rest", "leave drug out here"

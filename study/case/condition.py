@@ -36,7 +36,9 @@ class Condition:
     out where [body] tells them.
     """
 
-    added_later: ClassVar[frozenset[str]] = frozenset({"drug", "flow_reserve", "flow_reserve_sd"})
+    added_later: ClassVar[frozenset[str]] = frozenset(
+        {"drug", "flow_reserve", "flow_reserve_sd", "ifr"}
+    )
     name: str
     kind: Annotated[
         Literal["rest", "stress"],
@@ -68,6 +70,13 @@ class Condition:
             "ratio", "", 0.0, 0.3, exclusive=True, text="standard deviation of ffr", example=0.01
         ),
     ] = None  # fmt: skip
+    ifr: Annotated[
+        Number | None,
+        Quantity(
+            "ratio", "", 0.0, 1.1, exclusive=True, example=0.93,
+            text="at rest: measured instantaneous wave-free ratio, compared with the model",
+        ),
+    ] = None  # fmt: skip
     flow_reserve: Annotated[
         Number | None,
         Quantity(
@@ -97,7 +106,13 @@ class Condition:
     def without_outcome(self) -> "Condition":
         """The condition without its drug and what was measured of its flow: what drives a run."""
         return dataclasses.replace(
-            self, ffr=None, ffr_sd=None, flow_reserve=None, flow_reserve_sd=None, drug=None
+            self,
+            ffr=None,
+            ffr_sd=None,
+            ifr=None,
+            flow_reserve=None,
+            flow_reserve_sd=None,
+            drug=None,
         )
 
 

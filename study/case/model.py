@@ -12,6 +12,7 @@ from study.case.blood import BloodParameters
 from study.case.body import BodyParameters
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
+from study.case.operation import Operation
 from study.case.parameters import (
     CoronaryParameters,
     MeshOptions,
@@ -46,6 +47,7 @@ class Case:
         notes: remarks, by table.
         body: the body of the patient.
         from_body: what the case takes from it.
+        operation: that the anatomy undergoes before anything is made of it; no key of the file.
     """
 
     path: pathlib.Path
@@ -65,6 +67,7 @@ class Case:
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
     body: BodyParameters = BodyParameters()
     from_body: FromBody = FromBody()
+    operation: Operation | None = None
 
     @property
     def normal_bed(self) -> CoronaryParameters:

@@ -45,7 +45,19 @@ def read_case(path: str | os.PathLike[str]) -> Case:
         CaseError: the file cannot be read or holds faults; all of them are listed.
     """
     file = pathlib.Path(path)
-    document = read_document(file)
+    return case_of(read_document(file), file)
+
+
+def case_of(document: Mapping[str, Any], file: pathlib.Path) -> Case:
+    """The case that a parsed document describes.
+
+    Args:
+        document: its tables.
+        file: where it stands; files that it names lie relative to it.
+
+    Raises:
+        CaseError: it holds faults; all of them are listed.
+    """
     context = Context(file, [], {key: {} for key in FREE_TEXT}, key_homes())
     values = read_tables(document, context)
     if context.faults:

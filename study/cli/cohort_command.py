@@ -12,7 +12,7 @@ from study.report.cohort_report import cohort_report
 from study.report.cohort_results import cohort_document
 from study.run.cohort import run_cohort
 from study.run.expected_times import CASE_SECONDS
-from study.run.members import Member
+from study.run.members import Member, write_cases
 from study.store.case_inputs import inputs_of
 from study.store.earlier_run import make_way
 from study.store.json_form import as_json
@@ -48,6 +48,7 @@ def cohort_command(
     with work(request, out) as progress:
         origin = _provenance(request, cases)
         make_way(out, {"kind": "cohort", "provenance": as_json(origin)}, note)
+        write_cases(members)
         workers = options.workers or os.cpu_count() or 1
         rounds = -(-len(members) // workers)
         progress.plan({"cases": CASE_SECONDS[options.mode] * rounds, "writing the report": 3.0})

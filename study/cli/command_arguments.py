@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from diagnosis.richness import RICHNESS
 from study.case.catheter.units import PRESSURE_UNITS, TIME_UNITS
+from study.case.operation import WORDS
 from study.case.parameters import MeshOptions, SolverOptions
 from study.case.schema import Quantity, Word, keys_of
 from study.cli.argument_values import (
@@ -80,9 +81,11 @@ def _sweep_arguments(command: argparse.ArgumentParser) -> None:
 
 
 def _template_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
+    kinds = command.add_mutually_exclusive_group()
+    kinds.add_argument(
         "--record", action="store_true", help="a measured record, with an example of its traces"
     )
+    kinds.add_argument("--csv", action="store_true", help="a table of many patients, for cohort")
     command.add_argument(
         "--schema", action="store_true", help="the JSON Schema of the file instead, for editors"
     )
@@ -303,6 +306,35 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
     )
 
 
+def _what_if_arguments(command: argparse.ArgumentParser) -> None:
+    what = command.add_mutually_exclusive_group(required=True)
+    for kind in ("unroof", "reimplant"):
+        told = WORDS[kind].partition(": ")[2]
+        what.add_argument(
+            f"--{kind}", dest="operation", action="store_const", const=kind, help=told
+        )
+    what.add_argument(
+        "--stent",
+        nargs="?",
+        const=0.0,
+        type=positive(10.0),
+        metavar="DIAMETER_MM",
+        help="the intramural course round; default: as wide as the artery beyond it",
+    )
+    command.add_argument("--mode", choices=("0d", "3d"), default="0d", help="0D or 3D; default: 0d")
+    command.add_argument(
+        "--from",
+        dest="study",
+        type=pathlib.Path,
+        metavar="DIR",
+        help="in 3D, the finished study of the case before the operation; default: it is made",
+    )
+    _key_arguments(command, MeshOptions, "preset")
+    command.add_argument(
+        "--quick", action="store_true", help="in 3D, coarse mesh and long steps, as for study"
+    )
+
+
 def _show_arguments(command: argparse.ArgumentParser) -> None:
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument(
@@ -327,7 +359,8 @@ def _show_arguments(command: argparse.ArgumentParser) -> None:
 
 def _cohort_arguments(command: argparse.ArgumentParser) -> None:
     what = command.add_mutually_exclusive_group(required=True)
-    what.add_argument("folder", nargs="?", type=pathlib.Path, help="folder of cases", metavar="DIR")
+    told = "folder of cases, or a CSV file with a row for each patient"
+    what.add_argument("folder", nargs="?", type=pathlib.Path, help=told, metavar="DIR")
     what.add_argument("--demo", action="store_true", help="use the bundled virtual cohort")
     command.add_argument(
         "--mode", choices=("curve", "3d"), default="curve", help="0D or 3D; default: curve"
@@ -344,6 +377,7 @@ _ADD: dict[str, Callable[[argparse.ArgumentParser], None]] = {
     "mesh": _mesh_arguments,
     "simulate": _simulation_arguments,
     "study": _study_arguments,
+    "what-if": _what_if_arguments,
     "cohort": _cohort_arguments,
     "diagnose": _diagnose_arguments,
     "plan-measurement": _record_arguments,

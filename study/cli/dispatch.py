@@ -39,6 +39,7 @@ _COMMANDS = {
     "mesh": _Command("mesh_command", "mesh_command", "case_input", True),
     "simulate": _Command("simulate_command", "simulate_command", "case_input", True),
     "study": _Command("algorithm_command", "algorithm_command", "case_input", True),
+    "what-if": _Command("what_if_command", "what_if_command", "case_input", True),
     "cohort": _Command("cohort_command", "cohort_command", "cohort_input", True),
     "diagnose": _Command("record_command", "diagnose_command", "record_input", True),
     "plan-measurement": _Command("record_command", "plan_command", "record_input", True),

@@ -114,18 +114,37 @@ pictures, stages/ and the fields of every run below runs/. Given again, the comm
 was ended; what does not follow from a changed input is not computed again.
 """,
     ),
+    "what-if": (
+        "an operation on the artery: lumen, loss and ratios before and after on one page",
+        """\
+examples:
+  jaxfsi what-if case.toml --unroof                the intramural course opened into the aorta
+  jaxfsi what-if case.toml --reimplant             cut off, a round ostium in the proper sinus
+  jaxfsi what-if case.toml --stent 3.5             round and 3.5 mm wide
+  jaxfsi what-if case.toml --unroof --mode 3d --quick
+  jaxfsi what-if case.toml --unroof --mode 3d --from case-results   after a finished study
+
+needs an anatomy of kind ivus or synthetic, and what study needs. The bed stays: alpha is tuned to
+the measured resting ratio before the operation and kept. In 0D the loss of the artery is scaled by
+the law of its lumen, in 3D the operated anatomy is meshed and run. Writes what-if.html,
+what-if.json, before/ and after/.
+""",
+    ),
     "cohort": (
         "many cases side by side, and how predicted and measured ratios agree",
         """\
 examples:
   jaxfsi cohort patients/                        in 0D, with the curve of each artery
   jaxfsi cohort patients/ --mode 3d --workers 2 -- --preset coarse --nominal --rules printed,all
+  jaxfsi cohort patients.csv                     a row a patient, a column a key of a case file
   jaxfsi cohort --demo --out results             the ten virtual children that come with the package
 
-DIR holds NAME/case.toml or NAME.toml for each patient. What stands behind -- goes to the command of
-each case (run in mode curve, study in mode 3d). Each runs in a process of its own; one that fails
-does not stop the others. Given again, the command goes on with those that are not finished. Writes
-cohort.html, cohort.json and a folder with the report of each case.
+DIR holds NAME/case.toml or NAME.toml for each patient; a CSV file has columns such as patient.id
+and condition.rest.ffr (jaxfsi template --csv), and is refused as a whole where a cell is. What
+stands behind -- goes to the command of each case (run in mode curve, study in mode 3d). Each runs
+in a process of its own; one that fails does not stop the others. Given again, the command goes on
+with those that are not finished. Writes cohort.html, cohort.json and a folder with the report of
+each case.
 """,
     ),
     "diagnose": (
@@ -200,6 +219,7 @@ examples:
   jaxfsi template > case.toml
   jaxfsi template --out new-patient             writes new-patient/case.toml, with its schema
   jaxfsi template --record --out new-record     writes new-record/record.toml and rest.csv
+  jaxfsi template --csv > patients.csv          many patients, for cohort
   jaxfsi template --schema > case.schema.json   what an editor checks a case file with
 
 a case is what is known of a patient, for run and study; a record is what was measured, for

@@ -7,12 +7,13 @@ from study.case.catheter.columns import ExportFormat
 from study.case.catheter.exports import read_exports
 from study.case.demo import demo_cohort_path
 from study.case.model import require
+from study.case.patient_table import read_patients
 from study.case.read import read_case, read_cases
 from study.case.record import OLDER, RECORD_FILE, read_record, record_path
 from study.cli.command_output import note
 from study.cli.request import ImportOptions, Request, ShowOptions
 from study.report.summary import summary
-from study.run.members import find_members
+from study.run.members import find_members, table_members
 from study.store.options import CaseOptions, CohortOptions, RecordOptions, case_path
 from study.store.output import OutputRefused, check_folder
 from study.store.stored_document import load_document, readable, without_waveforms
@@ -49,6 +50,11 @@ def cohort_input(request: Request[CohortOptions]) -> tuple[Any, ...]:
     place = request.options.folder or demo_cohort_path()
     beside = pathlib.Path(f"{place.name}-results")
     fallback = pathlib.Path("results") if request.options.demo else place.parent / beside
+    if place.is_file():
+        rows = read_patients(place, "study" if request.options.mode == "3d" else "run")
+        beside = place.parent / f"{place.stem}-results"
+        folder = check_folder(request.out or beside)
+        return table_members(rows, folder), {row.name: row.case for row in rows}, folder
     folder = check_folder(request.out or fallback)
     members = find_members(place, folder)
     cases = read_cases(member.path for member in members)

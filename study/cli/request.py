@@ -78,10 +78,12 @@ class TemplateOptions(Options):
     Attributes:
         record: whether a record is printed instead of a case.
         schema: whether the JSON Schema of the file is printed instead.
+        csv: whether a table of many patients is printed instead of a case.
     """
 
     record: bool = False
     schema: bool = False
+    csv: bool = False
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

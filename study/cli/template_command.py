@@ -5,6 +5,7 @@ import pathlib
 from collections.abc import Mapping
 
 from study.case import json_schema
+from study.case.patient_table import patients_template
 from study.case.template import (
     EXAMPLE_FILE,
     RECORD_FILE,
@@ -17,11 +18,13 @@ from study.cli.request import Request, ShowOptions, TemplateOptions
 from study.report import documents
 from study.store.output import OutputRefused, check_folder, write_files
 
-CASE_FILE = "case.toml"
+CASE_FILE, PATIENTS_FILE = "case.toml", "patients.csv"
 
 
 def template_command(request: Request[TemplateOptions]) -> Answer:
     """Print a template, or write it with its schema beside it, which editors check it against."""
+    if request.options.csv:
+        return _table(request)
     kind = "record" if request.options.record else "case"
     schema, name = json_schema.schema_text(kind), f"{kind}.schema.json"
     files = {CASE_FILE: case_template()}
@@ -33,6 +36,16 @@ def template_command(request: Request[TemplateOptions]) -> Answer:
         main = list(files)[-1]
         files = {name: schema, **files, main: f"#:schema ./{name}\n{files[main]}"}
     text, written = list(files.values())[-1], _new_files(request.out, files)
+    document = {"template": text, "files": [str(path) for path in written]}
+    return Answer(document, written, text="" if written else text)
+
+
+def _table(request: Request[TemplateOptions]) -> Answer:
+    """Print a table of patients, or write it."""
+    if request.options.schema:
+        raise OutputRefused("--schema is of a case file or a record. Leave --csv or --schema out.")
+    text = patients_template()
+    written = _new_files(request.out, {PATIENTS_FILE: text})
     document = {"template": text, "files": [str(path) for path in written]}
     return Answer(document, written, text="" if written else text)
 

@@ -2,8 +2,13 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
 
 from jaxfsi.opening import OUTLET
+from lumped.metrics import sampled_ifr
+from study.case.condition import Condition
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.parameters import WindkesselParameters
 from study.report.body_words import body_notes, body_part, normal_bed_notes
@@ -232,7 +237,31 @@ def _rows(result: StudyResult) -> Iterator[RatioRow]:
             fsi_sd=None if rule is None else sds.get((condition, rule)),
             fsi_nominal=None if nominal is None else nominal.ratio,
             flow_ml_per_min=None if best is None else best.distal.mean_Q_ml_per_min,
+            **_wave_free(case.conditions[condition], best),
         )
+
+
+def wave_free_ratio(run: Run3D) -> float | None:
+    """Wave-free ratio (iFR) of the last whole cycle of a run in 3D [-]; None where it has none.
+
+    Where the aortic pressure at the ostium was read, its mean offset to that at the inlet is added
+    to the whole wave.
+    """
+    whole = [cycle for cycle in run.cycles if cycle.complete]
+    if not whole:
+        return None
+    history = run.history
+    waves = (history.t_s, history.P_aorta_mmHg, history.P_distal_mmHg)
+    t, aorta, distal = (np.asarray(values) for values in waves)
+    return sampled_ifr(t, aorta + whole[-1].site_offset, distal, run.period_s)
+
+
+def _wave_free(entry: Condition, run: Run3D | None) -> dict[str, Any]:
+    """Wave-free ratio at rest, as computed in 3D and as measured."""
+    if entry.kind != "rest" or run is None:
+        return {}
+    measured = {} if entry.ifr is None else {"measured_ifr": entry.ifr}
+    return {"ifr": wave_free_ratio(run), **measured}
 
 
 def _reduced(

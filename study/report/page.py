@@ -13,6 +13,7 @@ from study.report.headline import chance_at_or_below, percent
 from study.report.mesh_figures import mesh_figures
 from study.report.number_formats import signed, significant, span, with_sd
 from study.report.parameter_names import NAMES
+from study.report.ratio_limits import SOURCES, limit_rows, measured_words
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure
@@ -49,6 +50,9 @@ def html_report(document: Document, pictures: Pictures | None = None) -> str:
         uncertainty=uncertainty_rows(document),
         uncertainty_words=uncertainty_words(document),
         rules_words=rules_words(document),
+        limits=limit_rows(document),
+        limit_sources=SOURCES,
+        measured_words=measured_words(document),
         called=NAMES,
     )
 

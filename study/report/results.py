@@ -176,6 +176,7 @@ def _condition(patient: Patient, name: str) -> ConditionNumbers:
         measured_waveform=entry.waveform is not None,
         measured_rest_ratio=entry.ffr if name == "rest" else ABSENT,
         measured_ffr=ABSENT if name == "rest" else entry.ffr,
+        measured_ifr=ABSENT if entry.ifr is None else entry.ifr,
         aortic_windkessel=None if windkessel is None else _windkessel(windkessel),
     )
 

@@ -8,6 +8,7 @@ from study.report.diagnosis_report import diagnosis_report
 from study.report.page import html_report, simulation_report, wall_report
 from study.report.pictures import stored_mesh_pictures, stored_simulation_pictures
 from study.report.study_report import stored_study_report
+from study.report.what_if_results import what_if_report
 from study.store.result_files import (
     COHORT_PAGE,
     DIAGNOSIS_PAGE,
@@ -16,6 +17,7 @@ from study.store.result_files import (
     SIMULATION_PAGE,
     STUDY_PAGE,
     WALL_PAGE,
+    WHAT_IF_PAGE,
 )
 from study.store.stored_document import Document
 
@@ -26,6 +28,7 @@ _NAMES = {
     "cohort": COHORT_PAGE,
     "diagnose": DIAGNOSIS_PAGE,
     "wall": WALL_PAGE,
+    "what-if": WHAT_IF_PAGE,
 }
 
 
@@ -62,6 +65,8 @@ def stored_page(result: pathlib.Path, document: Document, vessel: str | None = N
         return diagnosis_report(document)
     if document["kind"] == "wall":
         return wall_report(document)
+    if document["kind"] == "what-if":
+        return what_if_report(document)
     if document["kind"] == "simulate":
         pictures = stored_simulation_pictures(folder, document)
         return simulation_report(document, pictures, vessel)

@@ -8,6 +8,7 @@ from study.report.algorithm_figures import study_figures
 from study.report.page import rendered, safe
 from study.report.parameter_names import NAMES
 from study.report.pictures import stored_films, stored_study_pictures
+from study.report.ratio_limits import SOURCES, limit_rows, measured_words
 from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure
 from study.report.uncertainty_words import rules_words, uncertainty_rows, uncertainty_words
@@ -36,6 +37,9 @@ def study_report(
         uncertainty=uncertainty_rows(document),
         uncertainty_words=uncertainty_words(document),
         rules_words=rules_words(document),
+        limits=limit_rows(document),
+        limit_sources=SOURCES,
+        measured_words=measured_words(document),
         called=NAMES,
         picture=pictures,
         film=films,

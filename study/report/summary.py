@@ -5,6 +5,7 @@ from typing import Any
 
 from study.report.body_words import BED_NOTICE, body_lines
 from study.report.number_formats import signed
+from study.report.ratio_limits import measured_words
 from study.report.uncertainty_words import causes_words, help_words, rules_words, uncertainty_words
 from study.store.document_rows import gap_rows, laws, ratio_rows
 
@@ -22,6 +23,7 @@ def summary(document: Document) -> str:
         "simulate": _simulation,
         "study": _study,
         "cohort": _cohort,
+        "what-if": _what_if,
         "diagnose": _diagnosis,
         "plan": _plan,
         "import": _imported,
@@ -95,6 +97,7 @@ def _run(document: Document) -> Iterator[str]:
     yield from body_lines(document)
     yield from _intervals(document)
     yield document["verdict"]
+    yield from measured_words(document)
     yield from _small_print(document)
     yield ""
     columns = [f"{law[:4]}. {outlet}" for law in laws(document) for outlet in ("nominal", "calib.")]
@@ -246,6 +249,7 @@ def _study(document: Document) -> Iterator[str]:
     yield from body_lines(document)
     yield from _intervals(document)
     yield document["verdict"]
+    yield from measured_words(document)
     yield from _small_print(document)
     yield ""
     head = f"{'condition':<14}{'rule':<10}{'measured':>9}{'linear 0D':>11}{'curve 0D':>10}"
@@ -288,3 +292,27 @@ def _cohort(document: Document) -> Iterator[str]:
     for patient in document["patients"]:
         if patient["status"] != 0:
             yield f"! {patient['name']}: {patient['reason']}"
+
+
+def _what_if(document: Document) -> Iterator[str]:
+    yield f"{document['patient']}, {document['mode'].upper()}"
+    yield document["verdict"]
+    yield ""
+    yield f"{'condition':<14}{'rule':<10}{'measured':>9}{'before':>9}{'after':>9}{'change':>9}"
+    for row in document["ratios"]:
+        measured = "-" if row["measured"] is None else f"{row['measured']:.3f}"
+        after = row["after"]
+        cells = ("-", "-") if after is None else (f"{after:.3f}", signed(after - row["before"], 3))
+        yield (
+            f"{row['condition'][:13]:<14}{row['rule'] or '-':<10}{measured:>9}"
+            f"{row['before']:>9.3f}{cells[0]:>9}{cells[1]:>9}"
+        )
+    yield ""
+    for name in ("before", "after"):
+        side = document[name]
+        K = "" if side["K"] is None else f", K {side['K']:.4g} dyn s2/cm8"
+        yield (
+            f"{name}: {side['length_mm']:.1f} mm long, least area {min(side['area_mm2']):.2f} mm2,"
+            f" least minor axis {min(side['minor_axis_mm']):.2f} mm,"
+            f" R0 {side['R0']:.4g} dyn s/cm5{K}"
+        )

@@ -23,6 +23,7 @@ from lumped.units import MM
 from study.case.anatomy import IvusAnatomy, MeshAnatomy, SurfaceAnatomy, SyntheticAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
+from study.case.operation import Operation
 from study.case.parameters import WallParameters
 
 _AORTA_RADIUS = (0.3, 4.0)
@@ -70,8 +71,23 @@ def case_anatomy(case: Case, state: str | None = None) -> Anatomy:
             anatomy = _surface(case, case.anatomy)
         case _:
             raise ValueError("the case names a finished mesh. Read it with case_mesh.")
+    anatomy = _operated(case, anatomy)
     _check_thickness(case, anatomy)
     return anatomy
+
+
+def _operated(case: Case, anatomy: Anatomy) -> Anatomy:
+    """The anatomy after the operation of the case, if there is one."""
+    if case.operation is None:
+        return anatomy
+    with _refusal(case.path):
+        match case.operation:
+            case Operation(kind="unroof"):
+                return sources.unroofed(anatomy)
+            case Operation(kind="reimplant"):
+                return sources.reimplanted(anatomy)
+            case Operation(diameter=diameter):
+                return sources.stented(anatomy, diameter)
 
 
 def case_mesh(case: Case) -> Mesh:

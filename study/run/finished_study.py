@@ -10,6 +10,7 @@ from study.case.read import read_case
 from study.run.progress import Progress
 from study.run.results import Run3D, calibrated_runs
 from study.run.run_context import RunContext
+from study.run.study_choice import StudyChoice
 from study.run.study_context import check_study, open_context, with_curve
 from study.run.study_options import study_case, study_choice
 from study.store.case_inputs import inputs_of
@@ -43,12 +44,14 @@ class FinishedStudy(NamedTuple):
         ramp: that curve.
         alpha: α as calibrated in 3D [-].
         calibrated: its runs with it, rest first.
+        choice: how it was made.
     """
 
     context: RunContext
     ramp: RampCurve
     alpha: float
     calibrated: list[Run3D]
+    choice: StudyChoice
 
 
 class _Stored(NamedTuple):
@@ -79,10 +82,7 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     Raises:
         CaseError: it is no study, or its case is not where its command says or was changed since.
     """
-    document = load_document(place)
-    if document.get("kind") != "study":
-        cure = "give the folder of a finished jaxfsi study"
-        raise CaseError([Fault(place, "", None, "this is no study", "", cure)])
+    document = study_document(place)
     stored = readable(place, document, lambda: _read(document))
     if stored.options is None:
         problem = "an earlier version of jaxfsi made it, which did not store its options"
@@ -95,7 +95,23 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     folder = place.parent if place.suffix == ".json" else place
     context, _ = open_context(case, folder, choice.run, progress)
     context = with_curve(context, stored.ramp.a, stored.ramp.b)
-    return FinishedStudy(context, stored.ramp, stored.alpha, stored.calibrated)
+    return FinishedStudy(context, stored.ramp, stored.alpha, stored.calibrated, choice)
+
+
+def study_document(place: pathlib.Path) -> dict[str, Any]:
+    """The document of a finished study.
+
+    Args:
+        place: its folder, or its `study.json`.
+
+    Raises:
+        CaseError: it is no study, or cannot be read.
+    """
+    document = load_document(place)
+    if document.get("kind") != "study":
+        cure = "give the folder of a finished jaxfsi study"
+        raise CaseError([Fault(place, "", None, "this is no study", "", cure)])
+    return document
 
 
 def _read(document: Mapping[str, Any]) -> _Stored:

@@ -2,9 +2,15 @@
 
 import dataclasses
 import pathlib
+from collections.abc import Sequence
 from typing import Any
 
+from lumped.whole_files import write_whole
 from study.case.faults import CaseError, Fault
+from study.case.patient_table import PatientRow
+
+CASE_FILE = "case.toml"
+"""Case file of a patient of a table, in the folder of its results."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,11 +21,13 @@ class Member:
         name: of its folder.
         path: its case file.
         folder: where its results go.
+        text: of its case file where that is yet to be written; None: it is there.
     """
 
     name: str
     path: pathlib.Path
     folder: pathlib.Path
+    text: str | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +49,24 @@ class MemberResult:
     document: dict[str, Any] | None
     reason: str
     kept: bool = False
+
+
+def table_members(rows: Sequence[PatientRow], out: pathlib.Path) -> list[Member]:
+    """Cases of a table of patients; the file of each is yet to be written into its folder.
+
+    Args:
+        rows: the patients.
+        out: folder of the results.
+    """
+    return [Member(r.name, out / r.name / CASE_FILE, out / r.name, r.text) for r in rows]
+
+
+def write_cases(members: Sequence[Member]) -> None:
+    """Write the case files that are yet to be written."""
+    for member in members:
+        if member.text is not None:
+            member.folder.mkdir(parents=True, exist_ok=True)
+            write_whole(member.path, member.text)
 
 
 def find_members(folder: pathlib.Path, out: pathlib.Path) -> list[Member]:

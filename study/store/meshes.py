@@ -89,7 +89,9 @@ def mesh_key(case: Case, state: str) -> str:
     wall = (case.wall.thickness_per_radius, case.wall.thickness_min, case.wall.thickness_max)
     backend = _BACKENDS.get(options.backend)
     mesher = None if backend is None else library(backend)
-    return stage_key("mesh", state, given, wall, options, hashes, mesher)
+    key = stage_key("mesh", state, given, wall, options, hashes, mesher)
+    operation = case.operation
+    return key if operation is None else stage_key("mesh", key, operation)
 
 
 def has_mesh(key: str) -> bool:

@@ -240,11 +240,32 @@ class StudyOptions(CaseOptions):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
+class WhatIfOptions(CaseOptions):
+    """Options of `what-if`.
+
+    Attributes:
+        operation: `unroof` or `reimplant`; None: a stent.
+        stent: its diameter [mm]; 0: that of the artery beyond its intramural course.
+        mode: `0d` or `3d`.
+        study: finished study before the operation; None: it is made.
+        preset: size of the mesh in 3D; None: as the case says.
+        quick: in 3D, as for `study`.
+    """
+
+    operation: Literal["unroof", "reimplant"] | None = None
+    stent: float | None = None
+    mode: Literal["0d", "3d"] = "0d"
+    study: pathlib.Path | None = dataclasses.field(default=None, metadata=_INPUT)
+    preset: str | None = None
+    quick: bool = False
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class CohortOptions(Options):
     """Options of `cohort`.
 
     Attributes:
-        folder: of the cases; None: the bundled ones.
+        folder: of the cases, or their CSV file; None: the bundled ones.
         demo: whether the bundled cases are used.
         mode: `curve` in 0D, `3d` the whole algorithm.
         workers: cases at a time; None: one a core.
@@ -297,6 +318,7 @@ KINDS: dict[str, type[Options]] = {
     "mesh": MeshCommandOptions,
     "simulate": SimulateOptions,
     "study": StudyOptions,
+    "what-if": WhatIfOptions,
     "cohort": CohortOptions,
     "diagnose": DiagnoseOptions,
     "plan": PlanOptions,

@@ -11,6 +11,8 @@ COHORT_FILE, COHORT_PAGE = "cohort.json", "cohort.html"
 DIAGNOSIS_FILE, DIAGNOSIS_PAGE = "diagnosis.json", "diagnosis.html"
 PLAN_FILE, CALIBRATION_FILE = "plan.json", "calibration.json"
 WALL_FILE, WALL_PAGE = "wall.json", "wall.html"
+WHAT_IF_FILE, WHAT_IF_PAGE = "what-if.json", "what-if.html"
+BEFORE_FOLDER, AFTER_FOLDER = "before", "after"
 STUDY_VESSEL_PAGE, STUDY_VESSEL_DATA = "study-vessel.html", "study-vessel.json"
 SIMULATION_VESSEL_PAGE = "simulation-vessel.html"
 SIMULATION_VESSEL_DATA = "simulation-vessel.json"
@@ -66,6 +68,7 @@ KINDS = {
         (RUN_FOLDER, STAGE_FOLDER),
     ),
     "cohort": Kind(COHORT_FILE, (COHORT_PAGE,)),
+    "what-if": Kind(WHAT_IF_FILE, (WHAT_IF_PAGE,), (BEFORE_FOLDER, AFTER_FOLDER)),
     "wall": Kind(WALL_FILE, (WALL_PAGE,)),
     "calibrate": Kind(CALIBRATION_FILE),
     "sweep": Kind(SWEEP_FILE, (TABLE_FILE, FIGURE_FILE)),

@@ -15,7 +15,7 @@ from lumped import (
     metrics,
     systolic_share,
 )
-from lumped.metrics import mean_between
+from lumped.metrics import mean_between, sampled_ifr
 from lumped.units import MMHG
 from lumped.waveforms import sampled
 
@@ -101,3 +101,13 @@ def test_ifr_and_share_of_the_surrogate_converge(rest, solved):
     assert float(coarse.ifr) == pytest.approx(float(fine.ifr), abs=2e-5)
     assert float(coarse.systolic_share) == pytest.approx(float(fine.systolic_share), abs=2e-4)
     assert float(coarse.ratio) == pytest.approx(float(fine.ratio), rel=1e-13)
+
+
+def test_sampled_ifr_is_that_of_the_periodic_state(by_hand):
+    t = np.linspace(0.0, 2.0, 4001)
+    aorta, distal = (
+        np.interp(t, by_hand.t, by_hand.pressure(name), period=1.0) for name in ("aorta", "distal")
+    )
+    # samples 0.5 ms apart; the window begins between two of them
+    assert sampled_ifr(t, aorta, distal, 1.0) == pytest.approx(float(ifr(by_hand)), rel=1e-3)
+    assert sampled_ifr(t[:1000], aorta[:1000], distal[:1000], 1.0) is None

@@ -299,6 +299,7 @@ def _assembled(
             "anomalous": Centerline(at_arc_length(axis, shown)[0], shown),
         },
         meta=_meta(pullback, fit, course, aorta_radius, options, state),
+        vessels=vessels,
     )
 
 

@@ -17,7 +17,7 @@ from jaxfsi.anatomy.implicit import Tube, tube
 from jaxfsi.anatomy.sources.aorta import aorta_radius, aorta_tube, end_margin
 from jaxfsi.anatomy.sources.course import Course, anomalous_course, normal_course
 from jaxfsi.anatomy.sources.parameters import SyntheticParameters, check_parameters
-from jaxfsi.anatomy.vessels import VesselTube, local_half_width, lumen_function
+from jaxfsi.anatomy.vessels import VesselTube, local_half_width, lumen_function, septum_blend
 from jaxfsi.anatomy.wall import requested_thickness, thickness_from_radius, wall_function
 
 AORTA_INLET = "aorta_inlet"
@@ -25,8 +25,6 @@ AORTA_OUTLET = "aorta_outlet"
 ANOMALOUS_OUTLET = "anomalous_outlet"
 NORMAL_OUTLET = "normal_outlet"
 
-_TIP_BLEND = 1.5  # blend radius at the tip of the septum, over the septum
-_FAR_BLEND = 0.3  # blend radius along the septum, over the septum
 _NORMAL_BLEND = 0.08
 
 
@@ -39,20 +37,6 @@ def _thickness(
         minimum=p.thickness_minimum,
         maximum=p.thickness_maximum,
     )
-
-
-def _septum_blend(p: SyntheticParameters, course: Course) -> Float[np.ndarray, " samples"]:
-    """Blend radius along the anomalous artery [cm].
-
-    Where the gap g between the lumens is below half the septum, k = 1.5 septum joins them (two
-    parallel surfaces join where g < k/2); where it has grown to the septum, k = 0.3 septum leaves
-    both alone. In between the septum begins, with a rounded tip.
-    """
-    x = np.clip((course.gap / p.septum - 0.5) / 0.4, 0.0, 1.0)
-    # Distal of the first place with a septum no blending may come back.
-    x = np.maximum.accumulate(np.where(course.axis.s < 0.0, 0.0, x))
-    x = x**2 * (3.0 - 2.0 * x)
-    return p.septum * (_TIP_BLEND + (_FAR_BLEND - _TIP_BLEND) * x)
 
 
 def _aorta(p: SyntheticParameters) -> VesselTube:
@@ -142,7 +126,7 @@ def synthetic_vessels(p: SyntheticParameters) -> tuple[tuple[VesselTube, ...], C
     aorta = _aorta(p)
     course = anomalous_course(p, aorta.tube)
     other = normal_course(p, aorta.tube)
-    anomalous = _branch(p, "anomalous", course, _septum_blend(p, course))
+    anomalous = _branch(p, "anomalous", course, septum_blend(course.gap, course.axis.s, p.septum))
     normal = _branch(p, "normal", other, np.full(len(other.axis.s), _NORMAL_BLEND))
     _check_apart(anomalous, normal)
     return (aorta, anomalous, normal), course, other
@@ -175,4 +159,5 @@ def synthetic_anatomy(p: SyntheticParameters) -> Anatomy:
             "normal": _centerline(other.axis, 0.0, other.s_outlet),
         },
         meta={"source": "synthetic", "parameters": dataclasses.asdict(p)},
+        vessels=vessels,
     )

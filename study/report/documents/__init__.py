@@ -22,6 +22,7 @@ KINDS = {
     "simulate": ("simulate", "SimulateDocument"),
     "wall": ("wall", "WallDocument"),
     "study": ("study", "StudyDocument"),
+    "what-if": ("what_if", "WhatIfDocument"),
     "cohort": ("cohort", "CohortDocument"),
     "diagnose": ("diagnose", "DiagnoseDocument"),
     "plan": ("plan", "PlanDocument"),

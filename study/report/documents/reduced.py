@@ -92,6 +92,7 @@ class ConditionNumbers:
         measured_waveform: whether the aortic pressure is a measured beat.
         measured_rest_ratio: at rest, the measured ratio [-]; None where it was not measured.
         measured_ffr: the same under stress [-].
+        measured_ifr: measured instantaneous wave-free ratio at rest [-].
         aortic_windkessel: where cardiac output and stroke volume are known, else None.
     """
 
@@ -102,6 +103,7 @@ class ConditionNumbers:
     measured_waveform: bool
     measured_rest_ratio: float | Absent | None = ABSENT
     measured_ffr: float | Absent | None = ABSENT
+    measured_ifr: float | Absent = ABSENT
     aortic_windkessel: AorticWindkessel | None
 
 

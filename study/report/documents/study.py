@@ -93,6 +93,8 @@ class RatioRow:
         fsi_sd: its standard deviation.
         fsi_nominal: 3D with α = 1.
         flow_ml_per_min: mean flow of the anomalous artery in 3D.
+        ifr: instantaneous wave-free ratio in 3D, at rest.
+        measured_ifr: measured one.
     """
 
     condition: str
@@ -105,6 +107,8 @@ class RatioRow:
     fsi_sd: float | None
     fsi_nominal: float | None
     flow_ml_per_min: float | None
+    ifr: float | Absent | None = ABSENT
+    measured_ifr: float | Absent = ABSENT
 
 
 @dataclasses.dataclass(frozen=True)

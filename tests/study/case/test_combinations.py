@@ -111,3 +111,10 @@ def test_trace_of_flow_in_another_unit_is_asked_about(tmp_path):
     with pytest.raises(CaseError) as caught:
         read_record(tmp_path)
     assert "is this l/min? then write 80" in str(caught.value)
+
+
+def test_a_wave_free_ratio_belongs_to_rest(tmp_path):
+    assert case_of(tmp_path, ADULT).conditions["rest"].ifr is None
+    more = "[condition.dobutamine]\nP_systolic_mmHg = 130\nP_diastolic_mmHg = 70\nperiod_s = 0.5\n"
+    with pytest.raises(CaseError, match="iFR is measured at rest"):
+        case_of(tmp_path, ADULT, f"{more}ifr = 0.9\n")

@@ -134,6 +134,6 @@ def test_keys_that_came_later_leave_kept_results_valid():
 def test_what_was_measured_of_the_flow_leaves_kept_runs_valid():
     """No run in 3D depends on the measured ratio, reserve or the drug's name."""
     driven = Condition("dobutamine", "stress", 1.3e5, 9e4, 0.5)
-    known = dataclasses.replace(driven, ffr=0.8, flow_reserve=2.2, drug="dobutamine")
+    known = dataclasses.replace(driven, ffr=0.8, ifr=0.9, flow_reserve=2.2, drug="other")
     assert plain(known.without_outcome()) == plain(driven)
     assert plain(dataclasses.replace(known, period=0.6).without_outcome()) != plain(driven)

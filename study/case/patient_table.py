@@ -8,6 +8,7 @@ file.
 
 import csv
 import dataclasses
+import functools
 import io
 import pathlib
 import re
@@ -106,6 +107,7 @@ def _slotted(name: str) -> str:
     return name if found is None else f"{CONDITION_SLOT}.{found[2]}"
 
 
+@functools.cache
 def _columns() -> dict[str, Key]:
     """Every column that a table may have, conditions under NAME, with its key."""
     tables = [(section.heading, section.keys) for section in CASE]

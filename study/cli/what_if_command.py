@@ -15,7 +15,7 @@ from study.report.page import html_report
 from study.report.results import case_document
 from study.report.what_if_results import lumen_table, what_if_document, what_if_report
 from study.run.algorithm import run_study
-from study.run.finished_study import finished_study
+from study.run.finished_study import finished_study, study_document
 from study.run.progress import Progress
 from study.run.study_context import check_study
 from study.run.study_options import study_case, study_choice
@@ -39,6 +39,8 @@ def what_if_command(request: Request[WhatIfOptions], case: Case, folder: pathlib
     options = request.options
     _check_options(case, options)
     operation = _operation(options)
+    if options.study is not None:
+        study_document(options.study)  # refused before a folder is made
     sides = both_sides(case, operation)
     if options.mode == "3d" and options.study is None:
         studied = study_case(case, _study_options(options))

@@ -82,10 +82,7 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     Raises:
         CaseError: it is no study, or its case is not where its command says or was changed since.
     """
-    document = load_document(place)
-    if document.get("kind") != "study":
-        cure = "give the folder of a finished jaxfsi study"
-        raise CaseError([Fault(place, "", None, "this is no study", "", cure)])
+    document = study_document(place)
     stored = readable(place, document, lambda: _read(document))
     if stored.options is None:
         problem = "an earlier version of jaxfsi made it, which did not store its options"
@@ -99,6 +96,22 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     context, _ = open_context(case, folder, choice.run, progress)
     context = with_curve(context, stored.ramp.a, stored.ramp.b)
     return FinishedStudy(context, stored.ramp, stored.alpha, stored.calibrated, choice)
+
+
+def study_document(place: pathlib.Path) -> dict[str, Any]:
+    """The document of a finished study.
+
+    Args:
+        place: its folder, or its `study.json`.
+
+    Raises:
+        CaseError: it is no study, or cannot be read.
+    """
+    document = load_document(place)
+    if document.get("kind") != "study":
+        cure = "give the folder of a finished jaxfsi study"
+        raise CaseError([Fault(place, "", None, "this is no study", "", cure)])
+    return document
 
 
 def _read(document: Mapping[str, Any]) -> _Stored:

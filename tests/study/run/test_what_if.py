@@ -173,6 +173,8 @@ def test_stored_result_is_shown_again(page, command):
     [
         ("--unroof", "--quick"),
         ("--unroof", "--from", "somewhere"),
+        ("--unroof", "--mode", "3d", "--from", "nowhere"),
+        ("--unroof", "--mode", "3d", "--from", "nowhere", "--quick"),
         ("--unroof", "--stent"),
         ("--stent", "30"),
         ("--stent", "8"),

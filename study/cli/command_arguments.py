@@ -13,6 +13,7 @@ from study.cli.argument_values import (
     columns,
     count,
     document_kind,
+    executor,
     formats,
     names,
     positive,
@@ -29,6 +30,7 @@ from study.cli.request import (
     ShowOptions,
     TemplateOptions,
 )
+from study.run.executor_choice import SLURM_OPTIONS
 from study.run.limits import MOST_DRAWN
 from study.store.options import (
     KINDS,
@@ -334,6 +336,25 @@ def _cohort_arguments(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument(
         "--workers", type=count(1, 1024), metavar="N", help="cases at a time; default: one a core"
+    )
+    command.add_argument(
+        "--executor",
+        type=executor,
+        default="local",
+        metavar="WHERE",
+        help="where cases run: local, dask, dask:ADDRESS, slurm, or slurm:NAME=VALUE,... with"
+        f" {', '.join(SLURM_OPTIONS)}; default: local",
+    )
+    how = command.add_mutually_exclusive_group()
+    how.add_argument(
+        "--emit-jobs",
+        type=pathlib.Path,
+        metavar="FOLDER",
+        help="run nothing, but write an array of jobs for sbatch, a task for each case; options of"
+        " slurm:NAME=VALUE,... go into it",
+    )
+    how.add_argument(
+        "--gather", action="store_true", help="run nothing: results of the cases that are finished"
     )
 
 

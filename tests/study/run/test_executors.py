@@ -15,6 +15,7 @@ from study.run.cohort import MOST_AGAIN, gathered, run_cohort
 from study.run.executor_choice import executor_choice, slurm_minutes
 from study.run.executors import LocalProcesses, opened_executor
 from study.run.members import find_members
+from study.store.folder_lock import at_work
 
 _STEPS = 12
 _STUB = f"""
@@ -306,6 +307,32 @@ def test_missing_package_is_named(members, tmp_path, command, monkeypatch, kind,
     assert found.status == 2
     assert f"{kind} needs {package}; try pip install 'jaxfsi[cluster]'" in found.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_folder_where_another_process_is_at_work_is_told_of(members, monkeypatch):
+    monkeypatch.setattr("study.run.case_call.CHILD", "study.cli.case_process")
+    with at_work(members[0].folder):
+        (result,) = run_cohort(members[:1], "curve", extra=["--no-mesh"])
+    assert result.status == 2
+    assert "another jaxfsi is at work in this folder" in result.reason
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_real_cases_have_the_same_results_by_each_executor(members, tmp_path, slurm, monkeypatch):
+    monkeypatch.setattr("study.run.case_call.CHILD", "study.cli.case_process")
+    found = {}
+    for kind in ("local", "dask", "slurm"):
+        place = tmp_path / kind
+        own = find_members(tmp_path / "patients", place)[:2]
+        executor = opened_executor(executor_choice(kind), 2, 2, place)
+        documents = _documents(run_cohort(own, "curve", extra=["--no-mesh"], executor=executor))
+        found[kind] = [
+            {key: part for key, part in document.items() if key != "provenance"}
+            for document in documents
+        ]
+    assert found["dask"] == found["local"]
+    assert found["slurm"] == found["local"]
 
 
 @pytest.mark.parametrize(

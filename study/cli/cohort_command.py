@@ -13,7 +13,7 @@ from study.report.cohort_report import cohort_report
 from study.report.cohort_results import cohort_document
 from study.run.cohort import gathered, run_cohort
 from study.run.executor_choice import executor_choice
-from study.run.executors import ExecutorRefused, opened_executor
+from study.run.executors import ExecutorRefused, load_engine, opened_executor
 from study.run.expected_times import CASE_SECONDS
 from study.run.members import Member, MemberResult
 from study.run.progress import Progress
@@ -50,6 +50,7 @@ def cohort_command(
     options = request.options
     if options.emit_jobs is not None:
         return emit_jobs(request, members)
+    load_engine(executor_choice(options.executor))
     with work(request, out) as progress:
         origin = _provenance(request, cases)
         make_way(out, {"kind": "cohort", "provenance": as_json(origin)}, note)

@@ -36,6 +36,16 @@ def at_work_on(executor: Executor) -> Iterator[Executor]:
     executor.shutdown()
 
 
+def load_engine(choice: ExecutorChoice) -> None:
+    """Import what an executor needs, before any log is open: submitit closes those that are.
+
+    Args:
+        choice: kind of the executor.
+    """
+    if choice.kind != "local":
+        importlib.import_module(f"study.run.{choice.kind}_executor")
+
+
 def opened_executor(
     choice: ExecutorChoice, workers: int | None, cases: int, folder: pathlib.Path
 ) -> Executor:

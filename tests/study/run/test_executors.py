@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import pathlib
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -218,6 +219,10 @@ def test_dask_scheduler_that_does_not_answer_is_refused(members, tmp_path, comma
     assert not (tmp_path / "out").exists()
 
 
+_FAILING = """
+import study.run.case_call
+study.run.case_call.CHILD = "jaxfsi_of_nothing"
+"""
 _FAKES = {
     "sbatch": """
 import os, pathlib, re, subprocess, sys
@@ -281,6 +286,16 @@ def test_slurm_gives_the_same_and_has_its_options(members, tmp_path, slurm):
     script = next((tmp_path / "out" / ".slurm").glob("*submission*.sh")).read_text()
     for line in ("partition=long", "time=120", "mem=4G", "cpus-per-task=2"):
         assert f"#SBATCH --{line}\n" in script
+
+
+def test_log_of_a_cohort_on_slurm_is_kept_to_its_end(members, tmp_path, slurm):
+    # in a process of its own: submitit changes logging when it is first imported
+    program = "import sys; from study.cli.entry import main; sys.exit(main())"
+    words = ["cohort", tmp_path / "patients", "--executor", "slurm", "--out", tmp_path / "out"]
+    (tmp_path / "jaxfsi_of_nothing.py").touch()
+    found = subprocess.run([sys.executable, "-c", _FAILING + program, *words], check=False)
+    assert found.returncode == 1
+    assert "every case failed" in (tmp_path / "out" / "run.log").read_text()
 
 
 def test_killed_slurm_job_loses_nothing(members, tmp_path, slurm):

@@ -7,21 +7,23 @@ and goes on there when it is started again. On one machine ``jaxfsi cohort patie
 """
 
 # %%
-# The job
-# -------
-# One line of ``patients.txt`` is one patient. ``--requeue`` is safe: a study that was ended goes on
-# from its last stage or checkpoint, bit for bit.
-SCRIPT = """\
-#!/bin/bash
-#SBATCH --array=1-200 --cpus-per-task=2 --mem=8G --time=02:00:00 --requeue
-name=$(sed -n "${SLURM_ARRAY_TASK_ID}p" patients.txt)
-jaxfsi study "patients/$name/case.toml" --preset coarse --out "results/$name"
+# An array of jobs
+# ----------------
+# ``--emit-jobs`` writes a script for sbatch and the list of its cases. A task needs SLURM and the
+# installed command, nothing else. Before its time limit it ends its case in order and is queued
+# again, three times at most: the case goes on from its last stage or checkpoint, bit for bit.
+COMMANDS = """\
+jaxfsi cohort patients/ --mode 3d --out results --emit-jobs jobs \\
+    --executor slurm:partition=long,time=4:00:00,mem=8G -- --preset coarse
+sbatch jobs/cohort.sbatch       # --array=1-200
+jaxfsi cohort patients/ --mode 3d --out results --gather -- --preset coarse
 """
-print(SCRIPT)
+print(COMMANDS)
 
 # %%
-# On one node ``jaxfsi cohort patients/ --mode 3d --workers 16 --out results`` starts the processes
-# itself, one a core, and draws parity and Bland-Altman plots of all of them.
+# ``--executor slurm`` submits a job for each case itself and waits, ``--executor dask:ADDRESS``
+# hands the cases to a Dask scheduler, and without either ``--workers 16`` starts processes on one
+# node. All draw the same parity and Bland-Altman plots; :doc:`/howto/cohort` compares them.
 
 # %%
 # One task of the array

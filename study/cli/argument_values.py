@@ -9,6 +9,7 @@ from study.case import json_schema
 from study.case.advice import nearest
 from study.case.catheter.columns import column_map
 from study.report.documents import document_kinds
+from study.run.executor_choice import executor_choice
 from study.store.options import AlphaRange
 from study.store.result_files import MESH_FORMATS as FORMATS
 
@@ -55,6 +56,20 @@ def formats(text: str) -> tuple[str, ...]:
     if "xdmf" in names and importlib.util.find_spec("h5py") is None:
         raise argparse.ArgumentTypeError("xdmf needs h5py; try pip install 'jaxfsi[xdmf]', or vtu")
     return names
+
+
+def executor(text: str) -> str:
+    """Where cases run, as `study.run.executor_choice` reads it; what it needs is installed."""
+    try:
+        kind = executor_choice(text).kind
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    package = {"dask": "distributed", "slurm": "submitit"}.get(kind)
+    if package is not None and importlib.util.find_spec(package) is None:
+        raise argparse.ArgumentTypeError(
+            f"{kind} needs {package}; try pip install 'jaxfsi[cluster]', or --executor local"
+        )
+    return text
 
 
 def document_kind(text: str) -> str:

@@ -17,6 +17,9 @@ CORE = "JAXFSI_CORE"
 def main() -> int:
     """Run the command of the case; gives its exit status."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
+    for name in ("SIGUSR1", "SIGUSR2"):  # a batch system tells whoever started this
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     threading.Thread(target=_leave, daemon=True).start()
     core = os.environ.get(CORE, "")
     if core and hasattr(os, "sched_setaffinity"):

@@ -6,18 +6,22 @@ import pathlib
 
 from study.case.model import Case
 from study.cli.command_output import Answer, note
+from study.cli.emit_jobs import emit_jobs
 from study.cli.request import Request
 from study.cli.work import work
 from study.report.cohort_report import cohort_report
 from study.report.cohort_results import cohort_document
-from study.run.cohort import run_cohort
+from study.run.cohort import gathered, run_cohort
+from study.run.executor_choice import executor_choice
+from study.run.executors import ExecutorRefused, load_engine, opened_executor
 from study.run.expected_times import CASE_SECONDS
-from study.run.members import Member, write_cases
+from study.run.members import Member, MemberResult, write_cases
+from study.run.progress import Progress
 from study.store.case_inputs import inputs_of
 from study.store.earlier_run import make_way
 from study.store.json_form import as_json
 from study.store.options import CohortOptions
-from study.store.output import write_files
+from study.store.output import OutputRefused, write_files
 from study.store.provenance import Provenance, made_by
 from study.store.result_files import COHORT_FILE, COHORT_PAGE
 from study.store.stored_document import to_json
@@ -44,30 +48,49 @@ def cohort_command(
         RuntimeError: every case failed.
     """
     options = request.options
-    extra = options.options or ()
+    if options.emit_jobs is not None:
+        return emit_jobs(request, members)
+    load_engine(executor_choice(options.executor))
     with work(request, out) as progress:
         origin = _provenance(request, cases)
         make_way(out, {"kind": "cohort", "provenance": as_json(origin)}, note)
         write_cases(members)
-        workers = options.workers or os.cpu_count() or 1
-        rounds = -(-len(members) // workers)
-        progress.plan({"cases": CASE_SECONDS[options.mode] * rounds, "writing the report": 3.0})
-        progress.step("cases")
-        results = run_cohort(
-            members,
-            options.mode,
-            extra=extra,
-            workers=options.workers,
-            expected=CASE_SECONDS[options.mode],
-            tell=lambda text, _, left: progress.tell(text, left),
-        )
+        results = _results(options, members, out, progress)
         progress.step("writing the report")
         if all(result.document is None for result in results):
-            raise RuntimeError(f"every case failed; {results[0].member.name}: {results[0].reason}")
+            what = "no case is finished" if options.gather else "every case failed"
+            raise RuntimeError(f"{what}; {results[0].member.name}: {results[0].reason}")
         document = as_json(cohort_document(results, cases, options.mode, origin))
         page = cohort_report(document)
         written = write_files(out, {COHORT_PAGE: page, COHORT_FILE: to_json(document)})
     return Answer(document, written)
+
+
+def _results(
+    options: CohortOptions, members: list[Member], out: pathlib.Path, progress: Progress
+) -> list[MemberResult]:
+    """Run the cases where the options say so, or gather those that are finished."""
+    extra, usual = options.options or (), CASE_SECONDS[options.mode]
+    if options.gather:
+        return gathered(members, options.mode, extra)
+    workers = options.workers or os.cpu_count() or 1
+    rounds = -(-len(members) // workers)
+    progress.plan({"cases": usual * rounds, "writing the report": 3.0})
+    progress.step("cases")
+    choice = executor_choice(options.executor)
+    try:
+        executor = opened_executor(choice, options.workers, len(members), out)
+    except ExecutorRefused as refusal:
+        raise OutputRefused(str(refusal)) from None
+    return run_cohort(
+        members,
+        options.mode,
+        extra=extra,
+        executor=executor,
+        workers=options.workers,
+        expected=usual,
+        tell=lambda text, _, left: progress.tell(text, left),
+    )
 
 
 def _provenance(request: Request[CohortOptions], cases: dict[str, Case]) -> Provenance:

@@ -5,22 +5,21 @@ import pathlib
 from collections.abc import Callable
 
 from diagnosis.richness import RICHNESS
-from study.case.catheter.units import PRESSURE_UNITS, TIME_UNITS
 from study.case.operation import WORDS
 from study.case.parameters import MeshOptions, SolverOptions
 from study.case.schema import Quantity, Word, keys_of
 from study.cli.argument_values import (
     alpha_range,
-    columns,
     count,
     document_kind,
+    executor,
     formats,
     names,
     positive,
     schema_kinds,
-    span,
 )
 from study.cli.command_names import ON_CASES
+from study.cli.import_arguments import import_arguments
 from study.cli.request import (
     CacheOptions,
     CheckOptions,
@@ -30,6 +29,7 @@ from study.cli.request import (
     ShowOptions,
     TemplateOptions,
 )
+from study.run.executor_choice import SLURM_OPTIONS
 from study.run.limits import MOST_DRAWN
 from study.store.options import (
     KINDS,
@@ -124,40 +124,6 @@ def _diagnose_arguments(command: argparse.ArgumentParser) -> None:
         help="measure the gap in 3D as well, in these conditions (default: all), with the mesh of "
         "the finished study of --case",
     )
-
-
-def _import_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "files",
-        nargs="+",
-        metavar="FILE",
-        help="export of one condition, in the order of measurement; NAME=FILE where its name does "
-        "not say it",
-    )
-    command.add_argument(
-        "--columns",
-        type=columns,
-        metavar="MAP",
-        help="columns by number, from 0, or name: time=0,aortic=2,distal=4 (and flow, in mL/min); "
-        "default: by their names",
-    )
-    command.add_argument(
-        "--unit", choices=tuple(PRESSURE_UNITS), help="of pressures; default: as the header says"
-    )
-    command.add_argument(
-        "--time-unit", choices=tuple(TIME_UNITS), help="of times; default: as the header says"
-    )
-    command.add_argument(
-        "--rate", type=positive(2e4), metavar="HZ", help="samples a second, without a time column"
-    )
-    command.add_argument(
-        "--span",
-        nargs="+",
-        type=span,
-        metavar="NAME=FROM:TO",
-        help="use these seconds of a condition alone",
-    )
-    command.add_argument("--id", metavar="NAME", help="of the patient; default: from the files")
 
 
 def _wall_arguments(command: argparse.ArgumentParser) -> None:
@@ -368,6 +334,25 @@ def _cohort_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--workers", type=count(1, 1024), metavar="N", help="cases at a time; default: one a core"
     )
+    command.add_argument(
+        "--executor",
+        type=executor,
+        default="local",
+        metavar="WHERE",
+        help="where cases run: local, dask, dask:ADDRESS, slurm, or slurm:NAME=VALUE,... with"
+        f" {', '.join(SLURM_OPTIONS)}; default: local",
+    )
+    how = command.add_mutually_exclusive_group()
+    how.add_argument(
+        "--emit-jobs",
+        type=pathlib.Path,
+        metavar="FOLDER",
+        help="run nothing, but write an array of jobs for sbatch, a task for each case; options of"
+        " slurm:NAME=VALUE,... go into it",
+    )
+    how.add_argument(
+        "--gather", action="store_true", help="run nothing: results of the cases that are finished"
+    )
 
 
 _ADD: dict[str, Callable[[argparse.ArgumentParser], None]] = {
@@ -381,7 +366,7 @@ _ADD: dict[str, Callable[[argparse.ArgumentParser], None]] = {
     "cohort": _cohort_arguments,
     "diagnose": _diagnose_arguments,
     "plan-measurement": _record_arguments,
-    "import-record": _import_arguments,
+    "import-record": import_arguments,
     "show": _show_arguments,
     "template": _template_arguments,
     "check": _check_arguments,

@@ -136,15 +136,18 @@ what-if.json, before/ and after/.
 examples:
   jaxfsi cohort patients/                        in 0D, with the curve of each artery
   jaxfsi cohort patients/ --mode 3d --workers 2 -- --preset coarse --nominal --rules printed,all
+  jaxfsi cohort patients/ --executor dask        on Dask; dask:ADDRESS, slurm:partition=long,time=90
+  jaxfsi cohort patients/ --emit-jobs jobs       write an array of jobs for sbatch instead
+  jaxfsi cohort patients/ --gather               results of the cases that are finished
   jaxfsi cohort patients.csv                     a row a patient, a column a key of a case file
   jaxfsi cohort --demo --out results             the ten virtual children that come with the package
 
 DIR holds NAME/case.toml or NAME.toml for each patient; a CSV file has columns such as patient.id
 and condition.rest.ffr (jaxfsi template --csv), and is refused as a whole where a cell is. What
 stands behind -- goes to the command of each case (run in mode curve, study in mode 3d). Each runs
-in a process of its own; one that fails does not stop the others. Given again, the command goes on
-with those that are not finished. Writes cohort.html, cohort.json and a folder with the report of
-each case.
+in a process of its own; one that fails does not stop the others, and one that is lost with its
+worker or node is submitted again, three times at most. Given again, the command goes on with those
+that are not finished. Writes cohort.html, cohort.json and a folder with the report of each case.
 """,
     ),
     "diagnose": (

@@ -54,7 +54,8 @@ def cohort_input(request: Request[CohortOptions]) -> tuple[Any, ...]:
         rows = read_patients(place, "study" if request.options.mode == "3d" else "run")
         beside = place.parent / f"{place.stem}-results"
         folder = check_folder(request.out or beside)
-        return table_members(rows, folder), {row.name: row.case for row in rows}, folder
+        texts = {row.name: row.text for row in rows}
+        return table_members(texts, folder), {row.name: row.case for row in rows}, folder
     folder = check_folder(request.out or fallback)
     members = find_members(place, folder)
     cases = read_cases(member.path for member in members)

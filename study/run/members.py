@@ -2,12 +2,11 @@
 
 import dataclasses
 import pathlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lumped.whole_files import write_whole
 from study.case.faults import CaseError, Fault
-from study.case.patient_table import PatientRow
 
 CASE_FILE = "case.toml"
 """Case file of a patient of a table, in the folder of its results."""
@@ -51,14 +50,14 @@ class MemberResult:
     kept: bool = False
 
 
-def table_members(rows: Sequence[PatientRow], out: pathlib.Path) -> list[Member]:
+def table_members(texts: Mapping[str, str], out: pathlib.Path) -> list[Member]:
     """Cases of a table of patients; the file of each is yet to be written into its folder.
 
     Args:
-        rows: the patients.
+        texts: of the case file of each patient, by name.
         out: folder of the results.
     """
-    return [Member(r.name, out / r.name / CASE_FILE, out / r.name, r.text) for r in rows]
+    return [Member(n, out / n / CASE_FILE, out / n, text) for n, text in texts.items()]
 
 
 def write_cases(members: Sequence[Member]) -> None:

@@ -129,9 +129,11 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/style.py", "study/report/summary.py", "study/report/sweep_results.py",
     "study/report/packed_array.py", "study/report/stored_vessel.py",
     "study/report/study_vessel.py", "study/report/vessel_*",
-    "study/run/artery_files.py", "study/run/cohort.py", "study/run/compile_ahead.py",
+    "study/run/artery_files.py", "study/run/case_call.py", "study/run/cohort.py",
+    "study/run/compile_ahead.py",
     "study/run/checked_file.py", "study/run/checking.py", "study/run/computed_parts.py",
-    "study/run/dry_run.py", "study/run/expected_times.py", "study/run/finished_study.py",
+    "study/run/dry_run.py", "study/run/*executor*.py", "study/run/job_files.py",
+    "study/run/expected_times.py", "study/run/finished_study.py",
     "study/run/health*.py",
     "study/run/gap_parts.py", "study/run/members.py",
     "study/run/what_if*.py", "study/report/what_if_*.py",  # 3D runs are kept as those of a study

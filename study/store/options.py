@@ -269,6 +269,9 @@ class CohortOptions(Options):
         demo: whether the bundled cases are used.
         mode: `curve` in 0D, `3d` the whole algorithm.
         workers: cases at a time; None: one a core.
+        executor: where they run, see `study.run.executor_choice`.
+        emit_jobs: folder for an array of jobs that runs them; None: they are run now.
+        gather: whether none is run, and those that are finished are shown.
         options: further options of the command of each case.
     """
 
@@ -276,6 +279,9 @@ class CohortOptions(Options):
     demo: bool = False
     mode: Mode = "curve"
     workers: int | None = dataclasses.field(default=None, metadata=_NO_EFFECT)
+    executor: str = dataclasses.field(default="local", metadata=_NO_EFFECT)
+    emit_jobs: pathlib.Path | None = dataclasses.field(default=None, metadata=_NO_EFFECT)
+    gather: bool = dataclasses.field(default=False, metadata=_NO_EFFECT)
     options: tuple[str, ...] | None = None
 
 

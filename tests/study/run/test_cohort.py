@@ -132,7 +132,7 @@ time.sleep(20.0)
 def test_interrupt_that_a_child_drops_is_sent_again(folder, tmp_path, monkeypatch):
     (tmp_path / "deaf_at_first.py").write_text(_DEAF_AT_FIRST)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr("study.run.cohort._CHILD", "deaf_at_first")
+    monkeypatch.setattr("study.run.case_call.CHILD", "deaf_at_first")
     member = find_members(folder, tmp_path)[0]
 
     def stop(text, share, left):

@@ -30,7 +30,7 @@ from study.run.finished_study import FinishedStudy, RampCurve, finished_study
 from study.run.gap_parts import GapIn3D
 from study.run.progress import Progress
 from study.run.results import Run3D, RunHistory
-from study.run.study_choice import RunChoice
+from study.run.study_choice import RunChoice, StudyChoice
 from study.run.study_context import open_context
 from study.store.case_inputs import input_files
 from study.store.json_form import ABSENT, as_json, from_json
@@ -59,7 +59,7 @@ def study(tmp_path_factory, tube):
     case = read_case(tube.write_case(folder))
     case = dataclasses.replace(case, wall=WallParameters(prestress="none"))
     context, _ = open_context(case, folder / "results", RunChoice(), Progress())
-    return FinishedStudy(context, RampCurve(500.0, 1200.0, 0.0), 0.25, [])
+    return FinishedStudy(context, RampCurve(500.0, 1200.0, 0.0), 0.25, [], StudyChoice())
 
 
 def drive_of(study, size: float) -> Drive:

@@ -17,6 +17,7 @@ from study.run.executor_choice import executor_choice, slurm_minutes
 from study.run.executors import LocalProcesses, opened_executor
 from study.run.members import find_members
 from study.store.folder_lock import at_work
+from tests.study.least_case import LEAST_CASE
 
 _STEPS = 12
 _STUB = f"""
@@ -40,25 +41,13 @@ part.rename(folder / "result.json")
 """
 """Stands for the command of a case: counts twelve steps, and goes on where it was ended."""
 
-_CASE = """\
-[patient]
-id = "{name}"
-[condition.rest]
-P_systolic_mmHg = 110.0
-P_diastolic_mmHg = 65.0
-period_s = 0.80
-ffr = 0.93
-[surrogate]
-R0_dyn_s_per_cm5 = 5.0e3
-"""
-
 
 @pytest.fixture
 def members(tmp_path, monkeypatch):
     """Three cases, and a program in the place of their command."""
     for name in "abc":
         (tmp_path / "patients" / name).mkdir(parents=True)
-        (tmp_path / "patients" / name / "case.toml").write_text(_CASE.format(name=name))
+        (tmp_path / "patients" / name / "case.toml").write_text(LEAST_CASE.format(name=name))
     (tmp_path / "counting_case.py").write_text(_STUB)
     paths = [str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])]
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))

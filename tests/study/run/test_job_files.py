@@ -12,18 +12,7 @@ import pytest
 from study.run.cohort import gathered
 from study.run.job_files import LIST_FILE, SCRIPT_FILE
 from study.run.members import find_members
-
-_CASE = """\
-[patient]
-id = "{name}"
-[condition.rest]
-P_systolic_mmHg = 110.0
-P_diastolic_mmHg = 65.0
-period_s = 0.80
-ffr = 0.93
-[surrogate]
-R0_dyn_s_per_cm5 = 5.0e3
-"""
+from tests.study.least_case import LEAST_CASE
 
 _STUB = """\
 import json, pathlib, signal, sys, time
@@ -77,7 +66,7 @@ def array(tmp_path, command, monkeypatch):
     """Cases `fails`, `first` and `waits`, and programs in the place of `jaxfsi` and `scontrol`."""
     for name in ("fails", "first", "waits"):
         (tmp_path / "the patients" / name).mkdir(parents=True)
-        (tmp_path / "the patients" / name / "case.toml").write_text(_CASE.format(name=name))
+        (tmp_path / "the patients" / name / "case.toml").write_text(LEAST_CASE.format(name=name))
     (tmp_path / "bin").mkdir()
     control = f'#!/bin/bash\necho "$2" >> {str(tmp_path / "requeued")!r}\n'
     for name, text in (("jaxfsi", f"#!{sys.executable}\n{_STUB}"), ("scontrol", control)):

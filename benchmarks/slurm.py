@@ -129,7 +129,7 @@ def main() -> int:
         stop = threading.Event()
         killer = threading.Thread(target=kill_jobs, args=(3, stop))
         killer.start()
-        found["slurm, three jobs killed"] = cohort(patients, folder / "slurm", "--executor", _SLURM)
+        found["slurm, processes killed"] = cohort(patients, folder / "slurm", "--executor", _SLURM)
         stop.set()
         killer.join()
         found["array, one queued again"] = array(patients, folder / "array", folder / "jobs")

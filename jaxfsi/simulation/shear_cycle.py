@@ -24,6 +24,7 @@ from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
 from jaxfsi.fields.frame import Grid
 from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear
+from jaxfsi.measures import triangle_areas
 from jaxfsi.mesh import Mesh
 from jaxfsi.simulation.observer import AbstractObserver, ObserverState
 
@@ -35,6 +36,7 @@ class ShearMeans(NamedTuple):
         tawss: time-averaged wall shear stress [dyn/cm²].
         osi: oscillatory shear index.
         mean: mean of the shear vector [dyn/cm²].
+        area: of the interface that belongs to the node: a third of its triangles [cm²].
         duration: time averaged over [s].
         t_end: its end [s].
     """
@@ -42,8 +44,29 @@ class ShearMeans(NamedTuple):
     tawss: Float[np.ndarray, " wall"]
     osi: Float[np.ndarray, " wall"]
     mean: Float[np.ndarray, "wall 3"]
+    area: Float[np.ndarray, " wall"]
     duration: float
     t_end: float
+
+    @property
+    def mean_tawss(self) -> float:
+        """Mean of the time-averaged shear over the interface [dyn/cm²]."""
+        return float(np.average(self.tawss, weights=self.area))
+
+    @property
+    def mean_osi(self) -> float:
+        """Mean of the oscillatory shear index over the interface."""
+        return float(np.average(self.osi, weights=self.area))
+
+    def tawss_above(self, share: float) -> float:
+        """Time-averaged shear that a share of the interface exceeds [dyn/cm²].
+
+        Args:
+            share: of the area, from 0 to 1.
+        """
+        order = np.argsort(self.tawss)
+        below = np.cumsum(self.area[order]) - 0.5 * self.area[order]
+        return float(np.interp((1.0 - share) * self.area.sum(), below, self.tawss[order]))
 
 
 class ShearCycle(AbstractObserver):
@@ -61,6 +84,7 @@ class ShearCycle(AbstractObserver):
         self._patches = wall_patches(mesh)
         self._points = mesh.points
         self._every, self._period = every, period
+        self._area = _nodal_area(mesh, self._patches)
         n = self._patches.nodes.shape[0]
         self._sums: ObserverState = {
             "size": np.zeros(n),
@@ -121,7 +145,8 @@ class ShearCycle(AbstractObserver):
         length = np.linalg.norm(vector, axis=0)
         osi = np.clip(0.5 * (1.0 - length / np.maximum(size, 1e-300)), 0.0, 0.5)
         osi = np.where(size > 0.0, osi, 0.0)
-        return ShearMeans(size / duration, osi, vector.T / duration, duration, float(last))
+        shear, mean = size / duration, vector.T / duration
+        return ShearMeans(shear, osi, mean, self._area, duration, float(last))
 
     def write(self, path: pathlib.Path) -> bool:
         """Write the averages as a VTU file of the interface; says whether there were any."""
@@ -143,3 +168,9 @@ class ShearCycle(AbstractObserver):
 def _shear(model: Model, state: State, patches: WallPatches) -> Float[Array, "3 wall"]:
     displacement = jnp.where(model.in_solid, state.d, state.d_mesh)
     return wall_shear(state.u, model.x + displacement, model.blood, patches)
+
+
+def _nodal_area(mesh: Mesh, patches: WallPatches) -> Float[np.ndarray, " wall"]:
+    faces, nodes = np.asarray(patches.faces).T, np.asarray(patches.nodes)
+    thirds = np.repeat(triangle_areas(mesh.points, faces) / 3.0, 3)
+    return np.bincount(faces.ravel(), thirds, minlength=len(mesh.points))[nodes]

@@ -105,9 +105,9 @@ def _shear(means: ShearMeans | None) -> ShearNumbers | None:
     if means is None:
         return None
     return ShearNumbers(
-        mean_tawss_dyn_per_cm2=float(means.tawss.mean()),
-        p99_tawss_dyn_per_cm2=float(np.percentile(means.tawss, 99.0)),
-        mean_osi=float(means.osi.mean()),
+        mean_tawss_dyn_per_cm2=means.mean_tawss,
+        p99_tawss_dyn_per_cm2=means.tawss_above(0.01),
+        mean_osi=means.mean_osi,
         duration_s=means.duration,
     )
 

@@ -15,9 +15,9 @@ class ShearNumbers:
     """Wall shear stress over the last cycle.
 
     Attributes:
-        mean_tawss_dyn_per_cm2: time average, mean over the nodes of the lumen.
-        p99_tawss_dyn_per_cm2: its 99th percentile.
-        mean_osi: oscillatory shear index, mean over the nodes [-].
+        mean_tawss_dyn_per_cm2: time average, mean over the surface of the lumen.
+        p99_tawss_dyn_per_cm2: a hundredth of that surface exceeds it.
+        mean_osi: oscillatory shear index, mean over that surface [-].
         duration_s: time over which the means are taken.
     """
 

@@ -12,6 +12,7 @@ import pyvista as pv
 import jaxfsi.simulation.simulation as simulation
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.stepper import prepare
+from jaxfsi.mesh import INTERFACE
 from jaxfsi.simulation import (
     CheckpointError,
     FieldSeries,
@@ -137,6 +138,26 @@ def test_shear_means_are_written_and_in_range(plain, tmp_path):
     surface = pv.read(tmp_path / "shear.vtu")
     assert surface.n_points == len(means.tawss)
     np.testing.assert_allclose(surface.point_data["tawss_dyn_per_cm2"], means.tawss, rtol=1e-6)
+
+
+def test_shear_over_the_surface_does_not_count_nodes(plain):
+    """Half the area has shear 1, half has 3, whatever the number of nodes in either half."""
+    means = plain[2].means()
+    area = np.array([0.25, 0.25, 0.05, 0.15, 0.1, 0.2])
+    shear = np.array([1.0, 1.0, 3.0, 3.0, 3.0, 3.0])
+    means = means._replace(tawss=shear, osi=0.1 * shear, area=area)
+    assert means.mean_tawss == pytest.approx(2.0)
+    assert means.mean_osi == pytest.approx(0.2)
+    assert means.tawss_above(0.9) == pytest.approx(1.0)
+    assert means.tawss_above(0.1) == pytest.approx(3.0)
+
+
+def test_areas_of_nodes_sum_to_the_interface(plain, tube_model):
+    mesh = tube_model[0]
+    corners = mesh.points[mesh.labelled(INTERFACE)]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    whole = 0.5 * np.linalg.norm(sides, axis=1).sum()
+    assert plain[2].means().area.sum() == pytest.approx(whole, rel=1e-12)
 
 
 def test_shear_means_of_a_flow_to_and_fro(tube_model):

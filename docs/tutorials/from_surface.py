@@ -8,10 +8,28 @@ it as any segmented one: STL file, anatomy, mesh.
 
 In a case file the same is::
 
+    [patient]
+    id = "bent"
     [anatomy]
     kind = "surface"
-    path = "lumen.stl"
+    surface = "lumen.stl"
     unit = "mm"
+    [anatomy.openings]              # a point near the middle of each end, in mm
+    inlet = [40.0, 0.0, 0.0]
+    anomalous_outlet = [29.3, 0.0, 27.3]
+    [condition.rest]                # for simulate and solver.xml; jaxfsi mesh needs none
+    P_systolic_mmHg = 110.0
+    P_diastolic_mmHg = 65.0
+    period_s = 0.8
+
+and the way to a run, here and in svMultiPhysics::
+
+    jaxfsi check case.toml          # unit, ends, what can be run
+    jaxfsi mesh case.toml --preset coarse --format vtu,folder
+    jaxfsi simulate case.toml --preset coarse --cycles 0.05
+
+Where an end has no name or a wrong one, the refusal lists the middles of all ends in the unit of
+the surface, to be copied. A vessel with its aorta has ``aorta_inlet`` and ``aorta_outlet`` instead.
 """
 
 # %%

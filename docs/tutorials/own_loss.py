@@ -5,6 +5,17 @@ Differentiate your own loss
 Any scalar of a march can be differentiated with respect to any number of the model. Here the
 outlet pressure of a tube was "measured", and the stiffness of the wall and the resistance of the
 Windkessel are found from it by gradients through the coupled steps.
+
+What to know beforehand:
+
+- ``prepare`` stands outside the function that is differentiated, with a model of nearby numbers:
+  its factors steer iterations, not the result.
+- Unknowns are logarithms of factors: a step of descent then leaves E and R positive. Under ``jit``
+  nothing checks them.
+- ``value_and_grad`` returns what ``optax`` takes, in place of the optimiser of SciPy below.
+- The first gradient compiles for about a minute. Many steps need ``march(..., recompute=True)``,
+  which keeps few states. For the gradient by everything in the model:
+  ``eqx.filter_value_and_grad``.
 """
 
 # %%

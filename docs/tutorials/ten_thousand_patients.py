@@ -57,6 +57,25 @@ error = float(jnp.max(jnp.abs(fits.fit.alpha / exact - 1.0)))
 print(f"largest relative error of alpha {error:.1e}")
 assert error < 1e-10
 
+
+# %%
+# In a loss of your own
+# ---------------------
+# `calibrate_alpha` of one patient passes through ``vmap``, ``grad`` and ``jit``. Where no α reaches
+# the ratio it is NaN there; outside them it raises.
+def mean_alpha(R0):
+    """Mean scale factor of the first thousand patients at one resting condition [-]."""
+    usual = lumped.condition_from_clinic(110.0, 65.0, 0.8)
+
+    def alpha(R0, ratio):
+        return calibration.calibrate_alpha(lumped.Surrogate(R0=R0), usual, ratio).alpha
+
+    return jnp.mean(jax.vmap(alpha)(R0, measured[:1000]))
+
+
+value, slope = jax.jit(jax.value_and_grad(mean_alpha))(patients.R0[:1000])
+print(f"mean alpha {value:.3f}; by log R0 in all {jnp.sum(slope * patients.R0[:1000]):.3f}")
+
 # %%
 # What a measurement is worth
 # ---------------------------

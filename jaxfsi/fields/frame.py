@@ -43,7 +43,9 @@ class Grid:
             points: positions [cm].
             cells: nodes of tetrahedra (four) or triangles (three).
             cell_data: values of the cells that are the same in every frame.
-            names: lists of names that every frame carries, as text arrays of its field data.
+            names: numbered names that every frame carries: field data ``region_blood`` = 0 and
+                ``region_wall`` = 1 for ``{"region": ("blood", "wall")}``. Text arrays would keep
+                meshio from reading the file.
 
         Raises:
             ValueError: the cells are neither.
@@ -62,7 +64,11 @@ class Grid:
             _packed("types", np.full(len(cells), kind, np.uint8)),
         ]
         self._cell_data = [_packed(name, a) for name, a in (cell_data or {}).items()]
-        self._names = "".join(_text_array(name, texts) for name, texts in (names or {}).items())
+        self._names = "".join(
+            _number(f"{kind}_{name}", i)
+            for kind, listed in (names or {}).items()
+            for i, name in enumerate(listed)
+        )
 
     def write(
         self, path: pathlib.Path, t: float, point_data: Fields, cell_data: Fields | None = None
@@ -143,19 +149,14 @@ def _packed(name: str, values: np.ndarray) -> Packed:
 
 def _entry(array: Packed, offset: int, more: str = "") -> str:
     name, kind, components, _ = array
-    said = "".join(
+    said = "" if components == 1 else f' NumberOfComponents="{components}"'
+    said += "".join(
         f' ComponentName{i}="{part}"' for i, part in enumerate(_COMPONENTS.get(components, ()))
     )
     return (
-        f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{components}"{said}{more}'
-        f' format="appended" offset="{offset}"/>'
+        f'<DataArray type="{kind}" Name="{name}"{said}{more} format="appended" offset="{offset}"/>'
     )
 
 
-def _text_array(name: str, texts: Sequence[str]) -> str:
-    """Texts as VTK keeps them: the numbers of their bytes, each text ended by a zero."""
-    codes = b"".join(text.encode() + b"\0" for text in texts)
-    return (
-        f'<Array type="String" Name="{name}" NumberOfTuples="{len(texts)}" format="ascii">'
-        f"{' '.join(map(str, codes))}</Array>"
-    )
+def _number(name: str, value: int) -> str:
+    return f'<DataArray type="Int32" Name="{name}"{_ONE_TUPLE} format="ascii">{value}</DataArray>'

@@ -1,9 +1,10 @@
 """The fields of a run as a time series for ParaView, written while it runs.
 
-One mesh holds both regions (cell array ``region``: 0 blood, 1 wall, as the field data
-``region_names`` say; ``label_names`` are those of the boundary of the mesh). Points stay where they
-are in the reference configuration; ``displacement_cm`` (that of the wall in the wall, that of the
-blood's mesh in the blood) moves them: Warp By Vector in ParaView, ``warp_by_vector`` in PyVista.
+Each frame is a VTU file that PyVista and meshio read too. One mesh holds both regions (cell array
+``region``: 0 blood, 1 wall, as the field data ``region_blood`` and ``region_wall`` say). Points
+stay where they are in the reference configuration; ``displacement_cm`` (that of the wall in the
+wall, that of the blood's mesh in the blood) moves them: Warp By Vector in ParaView,
+``warp_by_vector`` in PyVista.
 
 | array | where | |
 |---|---|---|
@@ -60,7 +61,7 @@ class FieldSeries(AbstractObserver):
             mesh.points,
             mesh.tets,
             {"region": mesh.region.astype(np.uint8)},
-            {"region_names": ("blood", "wall"), "label_names": mesh.label_names},
+            {"region": ("blood", "wall")},
         )
         self._solid = mesh.region == Region.SOLID
         wet = np.any(mesh.region == Region.FLUID) and INTERFACE in mesh.label_names

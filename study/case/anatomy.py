@@ -165,8 +165,8 @@ class SurfaceAnatomy:
 
     The table [anatomy.openings] names vessel ends, each by a point near its middle: aorta_inlet =
     [x, y, z]; inlet and outlet (outlet_1, ...) are those of a coronary artery without the aorta,
-    for simulate. A table [anatomy.cuts.NAME] with centre, normal and radius cuts a vessel that has
-    no flat end.
+    for simulate; one named anomalous_outlet has the pressure along its course written too. A table
+    [anatomy.cuts.NAME] with centre, normal and radius cuts a vessel that has no flat end.
     """
 
     surface: Annotated[

@@ -221,7 +221,8 @@ def _refuse_unknown(
         return ""
     if name in context.homes:
         home = context.homes[name]
-        context.add(place, value, "the key belongs elsewhere", f"move it below {home}", valid)
+        cure = f"move it below {home}, or remove it"
+        context.add(place, value, "the key belongs elsewhere", cure, valid)
         return ""
     if wrong_unit is not None:
         quantity, problem, cure = wrong_unit

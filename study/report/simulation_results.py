@@ -154,6 +154,13 @@ def _notes(
         notes.append(
             ("warning", "no cycle is complete: means and ratio are of a part of the first")
         )
+    if setup.schedule.n_steps < setup.schedule.per_frame:
+        text = (
+            f"the run of {setup.schedule.n_steps} steps ends before the first frame, at step"
+            f" {setup.schedule.per_frame}: the fields are those of the start alone, and there is no"
+            " wall shear; raise --cycles, or frames_per_cycle below [solver]"
+        )
+        notes.append(("warning", text))
     if outcome.events:
         text = f"{len(outcome.events)} steps failed and were repeated with smaller ones"
         notes.append(("info", text))

@@ -7,7 +7,7 @@ becomes a fault of the case file.
 import dataclasses
 import math
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -218,21 +218,31 @@ def _surface(case: Case, anatomy: SurfaceAnatomy) -> Anatomy:
     given = {"smoothing_steps": anatomy.smoothing_steps, **_thickness(case.wall)}
     options = SurfaceOptions(**{name: value for name, value in given.items() if value is not None})
     cuts = {n: Cut(cut.centre, cut.normal, cut.radius) for n, cut in anatomy.cuts.items()}
+    names = named_openings(anatomy)
     with _refusal(*anatomy.files):
-        names = anatomy.openings or None
-        if anatomy.openings_file is not None:
-            names = sources.opening_points(
-                anatomy.openings_file,
-                unit=anatomy.unit,
-                axes=anatomy.axes or stated_axes(anatomy.surface),
-            )
         return sources.surface_anatomy(
             anatomy.surface,
             unit=anatomy.unit,
-            names=names,
+            names=names or None,
             cuts=cuts or None,
             axes=anatomy.axes,
             options=options,
+        )
+
+
+def named_openings(anatomy: SurfaceAnatomy) -> Mapping[str, Sequence[float]]:
+    """A point at each named end of a surface, in its unit; empty where sizes tell the names.
+
+    Raises:
+        CaseError: the file of the points is refused.
+    """
+    if anatomy.openings_file is None:
+        return anatomy.openings
+    with _refusal(*anatomy.files):
+        return sources.opening_points(
+            anatomy.openings_file,
+            unit=anatomy.unit,
+            axes=anatomy.axes or stated_axes(anatomy.surface),
         )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import diagnosis
+from jaxfsi import Mesh
 from study.case.anatomy import IvusAnatomy, MeshAnatomy
 from study.case.condition import Condition
 from study.case.faults import CaseError, Fault
@@ -17,6 +18,7 @@ from study.case.model import REQUIREMENTS, Case, require
 from study.case.record import read_record, record_path
 from study.run.anatomy_source import case_anatomy, case_mesh, states_of
 from study.run.checked_file import CheckedFile
+from study.run.opening_checks import check_openings
 from study.run.patient import load_patient
 from study.run.setup import check_simulation
 from study.run.study_choice import StudyChoice
@@ -25,10 +27,10 @@ from study.run.study_context import check_study
 
 def checked_case(case: Case) -> CheckedFile:
     """Hold a case against what each command asks, and read the files that it names."""
-    faults, openings = _named_files(case)
+    faults, openings, mesh = _named_files(case)
     found = CheckedFile(case.path, "case", faults, _case_parts(case, openings))
     for command in REQUIREMENTS:
-        lacking = _faults_of(lambda command=command: _requirements(case, command))
+        lacking = _faults_of(lambda command=command: _requirements(case, command, mesh))
         if lacking:
             found.lacks[command] = lacking
         elif not faults:
@@ -38,24 +40,27 @@ def checked_case(case: Case) -> CheckedFile:
     return found
 
 
-def _requirements(case: Case, command: str) -> None:
-    """Raise what a command would raise before it computes anything."""
+def _requirements(case: Case, command: str, mesh: Mesh | None) -> None:
+    """Raise what a command would raise before it computes anything; a finished mesh is given."""
     require(case, command)
-    if isinstance(case.anatomy, MeshAnatomy):
-        return  # its openings are read with the mesh
-    if command == "study":
+    if mesh is not None and command in ("simulate", "study"):
+        check_openings(case, mesh, rigid=False, segment=command == "simulate")
+    elif command == "study":
         check_study(case, StudyChoice())
     if command == "simulate":
         check_simulation(case, next(iter(case.conditions), "rest"), rigid=False, dt=None)
 
 
-def _named_files(case: Case) -> tuple[list[Fault], list[str]]:
-    """Faults of the files that the anatomy names, and the openings of the vessel."""
+def _named_files(case: Case) -> tuple[list[Fault], list[str], Mesh | None]:
+    """Faults of the files that the anatomy names, the openings of the vessel, a finished mesh."""
     openings: list[str] = []
+    mesh: Mesh | None = None
 
     def look(state: str | None) -> None:
+        nonlocal mesh
         if isinstance(case.anatomy, MeshAnatomy):
-            openings[:] = list(case_mesh(case).openings)
+            mesh = case_mesh(case)
+            openings[:] = list(mesh.openings)
         elif not _faults_of(lambda: require(case, "mesh")):
             openings[:] = [opening.name for opening in case_anatomy(case, state).openings]
         elif isinstance(case.anatomy, IvusAnatomy):
@@ -64,7 +69,7 @@ def _named_files(case: Case) -> tuple[list[Fault], list[str]]:
     faults: list[Fault] = []
     for state in states_of(case):
         faults += _faults_of(lambda state=state: look(state))
-    return faults, openings
+    return faults, openings, mesh
 
 
 def _faults_of(check: Callable[[], object]) -> list[Fault]:

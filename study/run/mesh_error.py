@@ -25,8 +25,8 @@ from study.run.study_parts import Band, MeshErrorPart
 
 ORDERS = (2.0, 4.0, 12.0)
 """Least, usual and largest order of the mesh error in the elements across: 2.1 to 9 on the
-bundled patient and three drawn anatomies (docs/benchmarks/algorithm-1.md). With 12 the error is gone
-on the finer of both meshes."""
+bundled patient and three drawn anatomies (docs/benchmarks/algorithm-1.md). With 12 the error is
+gone on the finer of both meshes."""
 
 _PERCENT = 5.0
 

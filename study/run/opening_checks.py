@@ -7,6 +7,7 @@ from jaxfsi.opening import INLET, OUTLET, SEGMENT_INLET, is_segment
 from study.case.anatomy import MeshAnatomy, SurfaceAnatomy
 from study.case.faults import CaseError, Fault, shown_key
 from study.case.model import Case
+from study.run.anatomy_source import case_mesh, named_openings
 
 _ENDS = (
     f"{INLET}, {OUTLET} and a coronary outlet, or of a vessel without the aorta {SEGMENT_INLET}"
@@ -15,7 +16,13 @@ _ENDS = (
 
 
 def names_segment(case: Case) -> bool:
-    """Whether the case itself names the ends of a vessel without the aorta."""
+    """Whether the case, or the mesh that it names, has the ends of a vessel without the aorta.
+
+    Raises:
+        CaseError: a file that names them is refused.
+    """
+    if isinstance(case.anatomy, MeshAnatomy):
+        return is_segment(case_mesh(case).openings)
     return is_segment(_given(case))
 
 
@@ -49,15 +56,15 @@ def check_openings(case: Case, mesh: Mesh, *, rigid: bool, segment: bool = False
     _check(case, mesh.openings, segment=segment)
     if not rigid and not np.any(mesh.region == Region.SOLID):
         held = ", ".join(mesh.openings)
-        raise CaseError(
-            [Fault(case.path, "anatomy", None, "the mesh has no wall", held, "use --rigid")]
-        )
+        problem = "the mesh has no wall, so that simulate runs it with --rigid alone"
+        raise CaseError([Fault(case.path, "anatomy", None, problem, held, "use --rigid")])
 
 
 def _given(case: Case) -> tuple[str, ...]:
-    if not isinstance(case.anatomy, SurfaceAnatomy) or not case.anatomy.openings:
+    if not isinstance(case.anatomy, SurfaceAnatomy):
         return ()
-    return (*case.anatomy.openings, *case.anatomy.cuts)
+    names = named_openings(case.anatomy)
+    return (*names, *case.anatomy.cuts) if names else ()
 
 
 def _check(case: Case, names: tuple[str, ...], *, segment: bool) -> None:

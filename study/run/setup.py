@@ -84,9 +84,11 @@ def check_simulation(case: Case, condition: str, *, rigid: bool, dt: float | Non
     """
     faults: list[Fault] = []
     if condition not in case.conditions:
-        known = ", ".join(case.conditions) or "none"
-        problem = f"there is no condition {condition!r} to run"
-        faults.append(Fault(case.path, "condition", None, problem, known, "name one of these"))
+        cure = "name one of these with --condition"
+        if not case.conditions:
+            cure = f"add [condition.{condition}] with aortic pressures and period"
+        problem, known = f"there is no condition {condition!r} to run", ", ".join(case.conditions)
+        faults.append(Fault(case.path, "condition", None, problem, known, cure))
     else:
         entry = case.conditions[condition]
         if _output(case, condition) is None and not names_segment(case):

@@ -204,9 +204,9 @@ def test_ends_are_named_by_the_user_and_cuts_are_added(branching):
     assert [opening.name for opening in anatomy.openings] == ["inlet", "arch", "rca"]
     assert set(anatomy.centerlines) == {"arch", "rca"}
     assert np.max(np.abs(anatomy.centerlines["arch"].points[5:-5, :2])) < 0.3
-    with pytest.raises(ValueError, match=r"2 names for 3 ends.*Name every end"):
+    with pytest.raises(ValueError, match=r"2 names for 3 ends.*\[.*\] and \[.*Name every end"):
         surface_anatomy(branching, unit="cm", names=dict(list(names.items())[:2]))
-    with pytest.raises(ValueError, match=r"no end of the surface lies near.*'rca'"):
+    with pytest.raises(ValueError, match=r"no end of the surface lies near.*'rca'; they lie at"):
         surface_anatomy(branching, unit="cm", names=names | {"rca": [0.0, 2.0, 0.0]})
     cut = {"aside": Cut([1.8, 0.0, 0.0], [2.0, 0.0, 0.0], 0.2)}
     assert surface_anatomy(branching, unit="cm", cuts=cut).openings[-1].name == "aside"

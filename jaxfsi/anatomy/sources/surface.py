@@ -27,7 +27,13 @@ from jaxfsi.anatomy.surfaces.edits import (
     taubin_smoothed,
     with_flat_loops,
 )
-from jaxfsi.anatomy.surfaces.end_names import AORTA_INLET, AORTA_OUTLET, inlet_of, named_ends
+from jaxfsi.anatomy.surfaces.end_names import (
+    AORTA_INLET,
+    AORTA_OUTLET,
+    inlet_of,
+    middles,
+    named_ends,
+)
 from jaxfsi.anatomy.surfaces.flat_ends import FlatEnd, ends_of, open_ends, outwards, without_caps
 from jaxfsi.anatomy.surfaces.medial import medial_path, medial_radius
 from jaxfsi.anatomy.surfaces.triangles import (
@@ -48,7 +54,7 @@ from jaxfsi.anatomy.surfaces.walled_surface import (
 from jaxfsi.anatomy.wall import thickness_from_radius
 from jaxfsi.measures import edge_lengths, enclosed_volume
 from jaxfsi.mesh_files import Axes, stated_axes, turned
-from jaxfsi.opening import canonically_ordered
+from jaxfsi.opening import ANOMALOUS, canonically_ordered
 
 Unit = Literal["mm", "cm", "m"]
 
@@ -60,6 +66,7 @@ _CROSSING = 1e-9  # of the cube of the longest edge, beyond which triangles cros
 _OWN = 1.5  # way over the surface from an end to what belongs to it, over the radius of its ball
 _AORTA_RADIUS = (0.3, 4.0)
 _CORONARY_RADIUS = (0.03, 0.6)
+_ALONE = ("inlet", "outlet", ANOMALOUS)  # begin the names of ends of a coronary without the aorta
 _LINE_STEP = 0.05
 _LINE_SMOOTHING = 0.2
 _AORTIC = 0.6  # radius over that of the aorta below which a path is a branch
@@ -76,7 +83,7 @@ class SurfaceOptions:
         thickness_maximum: greatest wall thickness [cm].
         radius_range: in which the radius of the largest opening must lie [cm]; catches units
             that are wrong by a factor of ten. None: that of an aorta, or of a coronary artery
-            where every end is named ``inlet`` or ``outlet...``.
+            where every end is named ``inlet``, ``outlet...`` or ``anomalous...``.
     """
 
     smoothing_steps: int = 10
@@ -225,7 +232,7 @@ def _check_ends(
             " (cuts)."
         )
     radii = [end.radius for end in ends] + [_CM[unit] * cut.radius for cut in cuts.values()]
-    alone = "inlet" in names and all(name.startswith(("inlet", "outlet")) for name in names)
+    alone = "inlet" in names and all(name.startswith(_ALONE) for name in names)
     low, high = options.radius_range or (_CORONARY_RADIUS if alone else _AORTA_RADIUS)
     if not low <= max(radii) <= high:
         other, cure = "there is no aorta", "a coronary artery alone, name its ends inlet and outlet"
@@ -234,7 +241,8 @@ def _check_ends(
         raise ValueError(
             f"the largest opening has a radius of {max(radii):.3g} cm, expected {low:g}..{high:g}"
             f" cm: the unit ({unit}) is probably wrong, or {other}. Give the unit of the"
-            f" coordinates; of {cure} ([anatomy.openings] in a case)."
+            f" coordinates; of {cure} ([anatomy.openings] in a case). The ends lie at"
+            f" {middles(ends, _CM[unit])}."
         )
 
 

@@ -47,9 +47,8 @@ def _named_by_user(
 ) -> dict[str, FlatEnd]:
     if len(names) != len(ends):
         raise ValueError(
-            f"{len(names)} names for {len(ends)} ends of the surface (centres, in cm:"
-            f" {'; '.join(', '.join(f'{x:.3g}' for x in end.centre) for end in ends)})."
-            " Name every end once."
+            f"{len(names)} names for {len(ends)} ends of the surface, {middles(ends, scale)}. Name"
+            " every end once."
         )
     points = scale * np.array([names[name] for name in names], dtype=float)
     centres = np.array([end.centre for end in ends])
@@ -64,11 +63,19 @@ def _named_by_user(
                     " points as a mrk.json file of 3D Slicer and say axes."
                 )
             raise ValueError(
-                f"no end of the surface lies near the point given for {name!r} (the nearest one is"
-                f" {distance.min():.2g} cm away). Give the middle of its end in the unit of the"
-                " surface, each end under one name."
+                f"no end of the surface lies near the point given for {name!r}; they lie at"
+                f" {middles(ends, scale)}. Give the middle of its end in the unit of the surface,"
+                " each end under one name."
             )
     return {name: ends[k] for name, k in zip(names, chosen, strict=True)}
+
+
+def middles(ends: Sequence[FlatEnd], scale: float) -> str:
+    """Centres of ends as a case names them, in a unit of `scale` cm."""
+    digits = 1 if scale < 1.0 else 2
+    return " and ".join(
+        f"[{', '.join(f'{x / scale:.{digits}f}' for x in end.centre)}]" for end in ends
+    )
 
 
 def _fit_turned(points: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> bool:

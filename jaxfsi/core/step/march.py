@@ -74,8 +74,15 @@ def march(
         recompute: save memory in reverse mode at the price of time (static).
 
     Raises:
+        ValueError: the stepper is that of another mesh.
         RuntimeError: a step failed and `throw` is set.
     """
+    made_for, nodes = stepper.preconditioner.velocity_scale.shape[-1], model.x.shape[-1]
+    if made_for != nodes:
+        raise ValueError(
+            f"the stepper was prepared for {made_for} nodes, and the model has {nodes}. Call"
+            " prepare(dt, model) with a model on this mesh."
+        )
     end = _march(model, state, stepper, n_steps, recompute)
     if throw and not is_traced(end.n_steps) and int(end.n_steps) < n_steps:
         raise RuntimeError(

@@ -26,6 +26,7 @@ from jaxfsi.core.laws.wall_balance import WallElements, WallPrestress
 from jaxfsi.core.ports.port import AbstractPort, PortSurface
 from jaxfsi.faces import find_rows, triangle_edges
 from jaxfsi.mesh import INTERFACE, OUTER_WALL, RING_SUFFIX, Mesh, Region, tet_faces
+from lumped.elements import AbstractElement
 from lumped.parameters import Parameter
 
 WallElement = Literal["bending", "quadratic", "linear"]
@@ -301,7 +302,8 @@ def _check(
     if missing:
         faults.append(f"the openings {', '.join(missing)} have no port")
     faults += [
-        f"the port {name!r} is a {type(port).__name__}"
+        f"the port {name!r} is of type {type(port).__name__}"
+        + (", a block: write BlockPort(block)" if isinstance(port, AbstractElement) else "")
         for name, port in ports.items()
         if not isinstance(port, AbstractPort)
     ]

@@ -1,6 +1,7 @@
 """What is prepared once for steps of one length: factors and the accuracy asked for."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -44,6 +45,10 @@ def prepare(
 ) -> Stepper:
     """Make the factors for steps of length dt [s]; the model's numbers must be concrete.
 
+    Where a function of the numbers of a model is differentiated, batched or compiled, the stepper
+    is made outside it, with a nearby model: the factors steer the iterations alone, and what they
+    converge to is that of the model given to `march`.
+
     Args:
         dt: length of a step [s].
         model: the model.
@@ -54,17 +59,26 @@ def prepare(
         max_nonlinear: linear systems a step at most.
 
     Raises:
-        ValueError: dt or an option is out of range.
+        ValueError: dt or an option is out of range, or numbers of the model are traced.
     """
     if not dt > 0.0:
         raise ValueError(f"dt = {dt} s is not positive; a cardiac cycle takes about 1000 steps")
     if not 0.0 < tolerance < 1.0:
         raise ValueError(f"tolerance = {tolerance} is not between 0 and 1; 1e-3 is usual")
     method = generalized_alpha(rho_infinity)
+    try:
+        motion = mesh_motion(model) if model.moves_mesh else None
+        factors = preconditioner(dt, model, method)
+    except (jax.errors.TracerArrayConversionError, jax.errors.ConcretizationTypeError) as error:
+        raise ValueError(
+            "the model holds numbers that JAX traces, and the factors need concrete ones. Call"
+            " prepare outside the function that grad, vmap or jit takes, with a model of nearby"
+            " numbers."
+        ) from error
     return Stepper(
         jnp.asarray(dt, float),
-        mesh_motion(model) if model.moves_mesh else None,
-        preconditioner(dt, model, method),
+        motion,
+        factors,
         method,
         tolerance,
         max_linear,

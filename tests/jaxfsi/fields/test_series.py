@@ -1,5 +1,6 @@
 """The index of a time series, damaged in every way that a disk and a hand know."""
 
+import meshio
 import numpy as np
 import pytest
 
@@ -50,3 +51,18 @@ def test_damaged_index_gives_way_to_the_frames(damage, series):
 
 def test_no_index_names_no_frame(tmp_path):
     assert read_series(tmp_path / "fields.pvd") == []
+
+
+def test_meshio_reads_a_frame(tmp_path):
+    cell = {"region": np.array([1], np.uint8)}
+    grid = Grid(POINTS, np.arange(4)[None], cell, {"region": ("blood", "wall")})
+    velocity, stress = np.arange(12.0).reshape(4, 3), np.arange(6.0)[None]
+    grid.write(tmp_path / "frame.vtu", 0.25, {"v": velocity}, {"stress": stress})
+    found = meshio.read(tmp_path / "frame.vtu")
+    np.testing.assert_array_equal(found.points, POINTS)
+    np.testing.assert_array_equal(found.cells_dict["tetra"], [[0, 1, 2, 3]])
+    np.testing.assert_array_equal(found.point_data["v"], velocity)
+    np.testing.assert_array_equal(found.cell_data["stress"][0], stress)
+    np.testing.assert_array_equal(found.cell_data["region"][0], [1])
+    named = {name: values.item() for name, values in found.field_data.items()}
+    assert named == {"TimeValue": 0.25, "region_blood": 0.0, "region_wall": 1.0}

@@ -66,6 +66,17 @@ def test_case_that_no_command_can_use_has_a_fault(tmp_path, command):
     assert "condition.rest: the condition at rest is missing" in outcome.stdout
 
 
+def test_finished_mesh_is_held_against_simulate_and_study(tmp_path, command, tube):
+    file = tube.write_case(tmp_path)
+    assert {"simulate", "study"} <= set(command("check", file, "--json").json["checked"][0]["runs"])
+    text = file.read_text()
+    file.write_text(text[: text.index("[condition.rest]")])
+    outcome = command("check", file)
+    assert "can be run:   mesh\n" in outcome.stdout
+    assert "not simulate: condition: there is no condition 'rest' to run" in outcome.stdout
+    assert "add [condition.rest]" in command("simulate", file, "--dry-run").stderr
+
+
 def test_files_of_the_bundled_patient_are_read_and_its_openings_named(command):
     outcome = command("check", demo_case_path(), "--json")
     assert outcome.status == 0, outcome.stdout

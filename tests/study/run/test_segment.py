@@ -1,5 +1,7 @@
 """A coronary artery without the aorta, from a surface in mm, by the command line."""
 
+import re
+
 import jax
 import numpy as np
 import pytest
@@ -8,9 +10,12 @@ import trimesh
 import study.cli.simulate_command as simulate_command
 import study.run.mesh as mesh_case
 from calibration.outlets import outlet_shares, share_of
+from jaxfsi import meshing
+from jaxfsi.mesh_files import write_mesh
 from jaxfsi.opening import opening_area
 from lumped import Constant, Coronary
 from study.case.read import read_case
+from study.run.anatomy_source import case_anatomy
 from study.run.opening_checks import names_segment
 from study.run.setup import check_simulation, plan_steps
 from study.run.simulation import march_seconds
@@ -118,6 +123,35 @@ def test_segment_in_the_wrong_unit_is_refused(case_file, command, tmp_path):
     said = " ".join(found.stderr.split())
     assert "radius of 1.49 cm, expected 0.03..0.6 cm: the unit (cm) is probably wrong" in said
     assert "of an aorta, name its ends aorta_inlet, aorta_outlet" in said
+
+
+def test_refusal_says_where_the_ends_are_in_the_unit_of_the_surface(case_file, command, tmp_path):
+    found = command("mesh", case_file("inlet = [0.0, 0.0, 0.0]\n"), folder=tmp_path / "out")
+    assert found.status == 2
+    said = " ".join(found.stderr.split())
+    assert re.search(r"1 names for 2 ends of the surface, \[.*\]", said)
+    middles = [[float(x) for x in point.split(",")] for point in re.findall(r"\[(-?\d.*?)\]", said)]
+    assert sorted(point[2] for point in middles) == [0.0, 12.0]
+    np.testing.assert_allclose(np.array(middles)[:, :2], 0.0)
+
+
+def test_segment_may_end_in_an_anomalous_outlet(case_file):
+    """Its course then has the files of an anomalous artery."""
+    case = read_case(case_file(OPENINGS.replace("outlet", "anomalous_outlet")))
+    assert names_segment(case)
+    assert list(case_anatomy(case).centerlines) == ["anomalous"]
+
+
+def test_finished_mesh_of_a_segment_needs_no_cardiac_output(tmp_path, command):
+    mesh = meshing.tube(radius=0.5, length=2.0, thickness=0.1, n_around=6, n_axial=3)
+    write_mesh(tmp_path / "tube.vtu", mesh, unit="cm")
+    text = CASE.format(openings="").replace("ffr = 0.9\n", "")
+    anatomy = '[anatomy]\nkind = "mesh"\npath = "tube.vtu"\nunit = "cm"\n[wall]'
+    begin, end = text.index("[anatomy]"), text.index("[wall]") + len("[wall]")
+    (tmp_path / "case.toml").write_text(text[:begin] + anatomy + text[end:])
+    check_simulation(read_case(tmp_path / "case.toml"), "rest", rigid=False, dt=None)
+    found = command("check", tmp_path / "case.toml", "--json").json["checked"][0]
+    assert found["runs"] == ["mesh", "simulate"]
 
 
 def test_segment_needs_no_cardiac_output_and_its_estimate_follows_its_steps(case_file):

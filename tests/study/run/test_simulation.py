@@ -274,6 +274,14 @@ def test_run_without_a_checkpoint_does_not_mix_with_a_new_one(
     assert len(list((folder / "fields").glob("*.vtu"))) == 3
 
 
+def test_run_that_ends_before_its_first_frame_says_so(case_file, command, tmp_path):
+    found = command("simulate", case_file, "--rigid", "--cycles", "0.01", folder=tmp_path / "out")
+    assert found.status == 0
+    assert len(list((tmp_path / "out" / "fields").glob("*.vtu"))) == 1
+    said = [note["text"] for note in found.written("simulation.json")["notes"]]
+    assert any("4 steps ends before the first frame, at step 10" in text for text in said)
+
+
 def test_forgotten_run_leaves_nothing(outcome, tmp_path):
     folder = shutil.copytree(outcome.folder, tmp_path / "out")
     (folder / "inputs.txt").write_text("key")

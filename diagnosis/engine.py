@@ -25,7 +25,7 @@ BLOCK = 16
 """Jobs advanced together; more exceed the caches of a CPU, fewer waste its vector units."""
 
 ProgressCallback = Callable[[str, int, int], None]
-"""Called with the name of a step, the number of jobs done and the total."""
+"""Called with the name of a step, the number of jobs done, 0 as it begins, and the total."""
 
 
 def no_progress(step: str, done: int, of: int) -> None:
@@ -145,6 +145,7 @@ def _by_kind(
         done += count
         progress(done, record.size)
 
+    advance(0)
     for nonlinear in (False, True):
         at = np.flatnonzero(kind == nonlinear)
         if at.size:
@@ -208,6 +209,7 @@ def run_predictions(
         done += count
         progress("predicting conditions that were left out", done, len(record))
 
+    advance(0)
     return _in_blocks(predict, batch, np.asarray(record, int), arrays, advance)
 
 

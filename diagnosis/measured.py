@@ -19,7 +19,7 @@ beats or an error of the start of ejection, are correlated. With columns U of da
 V = U/sd,
 
     noise of z ~ N(0, I + V Vᵀ),     whitened data = (I + V Vᵀ)^−½ z = z − V A (Vᵀ z),
-    A = Q h(Λ) Qᵀ,   VᵀV = Q Λ Qᵀ,   h(λ) = (1 − 1/√(1 + λ))/λ.
+    A = (S + S^½)⁻¹,   S = I + VᵀV.
 """
 
 from typing import NamedTuple
@@ -32,6 +32,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from diagnosis.circuit import FROM_SAMPLES, PHASE
 from diagnosis.resolution import HARMONICS, SAMPLES
+from lumped.elimination import solve_definite, square_root
 from lumped.units import MMHG
 
 WHITE_SHARE = 0.5
@@ -206,13 +207,13 @@ def whitener_of(measured: Measured) -> Whitener:
     if measured.modes is None:
         return Whitener(weight)
     V = weight[..., None] * measured.modes
-    value, Q = jnp.linalg.eigh(jnp.einsum("cdr,cdq->crq", V, V))
-    value = jnp.maximum(value, 0.0)
-    # h tends to 1/2 for modes far below the noise
-    small = value < 1e-6
-    h = (1.0 - 1.0 / jnp.sqrt(1.0 + value)) / jnp.where(small, 1.0, value)
-    h = jnp.where(small, 0.5, h)
-    return Whitener(weight, V, jnp.einsum("crk,ck,cqk->crq", Q, h, Q))
+    eye = jnp.eye(V.shape[-1])
+
+    def lessened(V: Float[Array, "d r"]) -> Float[Array, "r r"]:
+        S = eye + V.T @ V
+        return solve_definite(S + square_root(S), eye)
+
+    return Whitener(weight, V, jax.vmap(lessened)(V))
 
 
 def data_of(measured: Measured) -> Float[Array, "c d"]:

@@ -24,6 +24,8 @@ STEPS = {
     "fitting every effect": 20.0,
     "fitting from a second start": 1.0,
     "fitting pairs of effects": 4.0,
+    "looking for what is not in the catalogue": 12.0,
+    "predicting conditions that were left out": 8.0,
     "writing the report": 8.0,
 }
 """Steps of a diagnosis and the seconds that they usually take, compilation included."""

@@ -11,6 +11,7 @@ from lumped.elimination import (
     solve_definite,
     solve_small,
     solve_with_log_det,
+    square_root,
 )
 
 
@@ -34,6 +35,17 @@ def test_what_is_left_of_a_matrix_matches_numpy(n, count):
     # round-off times the condition number
     np.testing.assert_allclose(left, exact, rtol=1e-10, atol=1e-10 * np.abs(A).max())
     assert float(log_det) == pytest.approx(np.linalg.slogdet(lead)[1], rel=1e-10, abs=1e-12)
+
+
+@pytest.mark.parametrize("largest", [1.0, 1e3, 1e10])
+def test_a_root_squared_is_the_matrix(largest):
+    basis = np.linalg.qr(np.random.default_rng(3).normal(size=(13, 13)))[0]
+    values = np.append(np.ones(4), np.geomspace(1.0, largest, 9))
+    root = np.asarray(square_root(jnp.asarray((basis * values) @ basis.T)))
+    # round-off times the condition number of the root
+    exact = (basis * np.sqrt(values)) @ basis.T
+    np.testing.assert_allclose(root, exact, atol=1e-15 * max(largest, 100.0))
+    assert np.array_equal(root, root.T)
 
 
 def test_solution_and_determinant_match_numpy():

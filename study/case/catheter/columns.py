@@ -23,7 +23,10 @@ _NAMES = {
     },
     "flow": {"q_coronary", "coronary_flow"},
 }  # fmt: skip
-"""Names that are recognised, units taken off."""
+"""Names that are recognised, units and channels taken off."""
+
+_CHANNEL = re.compile(r"^(p|ch|channel|kanal)_?\d+_")
+"""Channel of a console before the name, as in `P1 Ao`."""
 
 _WRITTEN = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]|_(mmhg|kpa|s|ms|ml_per_min)$", re.IGNORECASE)
 _SPELT = {
@@ -147,12 +150,17 @@ def _mapped(table: ConsoleTable, role: str, place: str) -> int:
 
 
 def _recognised(table: ConsoleTable, role: str) -> int | None:
-    found = [k for k, name in enumerate(table.header) if _bare(name) in _NAMES[role]]
+    found = [k for k, name in enumerate(table.header) if _is_named(name, role)]
     if len(found) > 1:
         names = ", ".join(f"{k}: {table.header[k]}" for k in found)
         cure = f"choose one, such as --columns {role}={found[0]}"
         raise refusal(table.path, f"two columns may be {role} ({names})", cure)
     return found[0] if found else None
+
+
+def _is_named(name: str, role: str) -> bool:
+    bare = _bare(name)
+    return not _NAMES[role].isdisjoint({bare, _CHANNEL.sub("", bare)})
 
 
 def _bare(name: str) -> str:

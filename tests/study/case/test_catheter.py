@@ -122,6 +122,19 @@ def test_separator_and_decimal_mark_change_no_number(tmp_path):
     np.testing.assert_array_equal(values[0], read_console_table(path).values)
 
 
+@pytest.mark.parametrize(
+    ("aortic", "distal"),
+    [("P1 Ao [mmHg]", "P2 distal [mmHg]"), ("CH1: Pa", "CH2: Pd"), ("Pa", "Pd")],
+)
+def test_columns_are_known_by_the_names_of_consoles(tmp_path, aortic, distal):
+    columns = minute(0, seconds=20.0).columns
+    path = tmp_path / "x_rest.csv"
+    named = {"Zeit [s]": columns["time"], aortic: columns["p_aortic"]}
+    path.write_text(export({**named, distal: columns["p_distal"]}))
+    trace = read_trace(path, ExportFormat())
+    np.testing.assert_allclose(trace.waves["P_distal"], columns["p_distal"], atol=6e-4)
+
+
 def test_columns_by_number_or_name_and_a_rate_in_place_of_times(tmp_path):
     columns = minute(0, seconds=20.0).columns
     path = tmp_path / "x.csv"

@@ -56,6 +56,16 @@ def test_one_sentence_refuses_a_file_of_no_use_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
+def test_a_record_does_not_replace_an_export(command, tmp_path, text):
+    path = _written(tmp_path, "rest.csv", text)
+    ended = command("import-record", path, folder=tmp_path)
+    assert ended.status == 2
+    assert f"{path}: --out = " in ended.stderr
+    assert "name another folder with --out" in ended.stderr
+    assert path.read_bytes() == text.encode()
+    assert [found.name for found in tmp_path.iterdir()] == ["rest.csv"]
+
+
 def test_unit_and_columns_of_the_command_line_mend_what_was_refused(command, tmp_path, text):
     path = _written(tmp_path, "p.csv", REFUSED["kPa"][0](text).split("\n", 1)[1])
     columns = "time=0,aortic=1,distal=2"

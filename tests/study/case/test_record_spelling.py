@@ -200,7 +200,7 @@ def test_a_key_without_a_table_is_advised_into_its_own(tmp_path):
             f"[{heading}]\n", f'[{heading}]\nid = "a-1"\n'
         )
         cures = [fault.cure for fault in refusal(read_record, write(tmp_path, text))]
-        assert "move it below [patient]" in cures
+        assert "move it below [patient], or remove it" in cures
     text = NEW.replace("[patient]", "[record]")
     cures = [fault.cure for fault in refusal(read_record, write(tmp_path, text))]
     assert "rename it to [patient]" in cures

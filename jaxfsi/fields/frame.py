@@ -65,8 +65,8 @@ class Grid:
         ]
         self._cell_data = [_packed(name, a) for name, a in (cell_data or {}).items()]
         self._names = "".join(
-            _number(f"{kind}_{name}", i)
-            for kind, listed in (names or {}).items()
+            _number(f"{group}_{name}", i)
+            for group, listed in (names or {}).items()
             for i, name in enumerate(listed)
         )
 

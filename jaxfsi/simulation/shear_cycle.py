@@ -36,7 +36,7 @@ class ShearMeans(NamedTuple):
         tawss: time-averaged wall shear stress [dyn/cm²].
         osi: oscillatory shear index.
         mean: mean of the shear vector [dyn/cm²].
-        area: of the interface that belongs to the node: a third of its triangles [cm²].
+        area: of the node's share of the interface, a third of its triangles, undeformed [cm²].
         duration: time averaged over [s].
         t_end: its end [s].
     """

@@ -123,8 +123,8 @@ def _differences(case: Case, *, rigid: bool) -> list[str]:
         found.append(f"The law {wall.material} is replaced by neoHookean of the same E and nu.")
     if wall.E_coronary is not None or wall.E_septum is not None:
         found.append("The whole wall has the E of the aorta.")
-    if wall.volumetric_penalty or wall.damping:
-        found.append("Volumetric penalty and viscosity of the wall are left out.")
+    if wall.damping:
+        found.append("The viscosity of the wall is left out.")
     return found
 
 
@@ -189,8 +189,12 @@ def _equation(root: ET.Element, kind: str, case: Case, *, rigid: bool) -> ET.Ele
         linear = case.wall.material == "linear"
         _put(wall, "Equation", "lElas" if linear else "struct")
         if not linear:
-            _put(wall, "Constitutive_model", "", type=_LAWS.get(case.wall.material, "neoHookean"))
-            _put(wall, "Dilational_penalty_model", "M94")
+            law = _LAWS.get(case.wall.material, "neoHookean")
+            _put(wall, "Constitutive_model", "", type=law)
+            _put(wall, "Dilational_penalty_model", "ST91")
+            if law == "stVK":
+                # by default that program adds its bulk modulus to this law too
+                _put(wall, "Penalty_parameter", case.wall.volumetric_penalty)
         _put(wall, "Density", case.wall.rho_s)
         _put(wall, "Elasticity_modulus", case.wall.E)
         _put(wall, "Poisson_ratio", case.wall.nu)

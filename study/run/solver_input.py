@@ -37,6 +37,9 @@ _RISE = 0.25
 
 _FRAMES = 40
 _BACKFLOW = 0.2
+_LEAST_PENALTY = 1.0
+"""Without effect on a wall [dyn/cm²]."""
+
 _LAWS = {"saint_venant_kirchhoff": "stVK", "neo_hookean": "neoHookean"}
 
 
@@ -193,8 +196,9 @@ def _equation(root: ET.Element, kind: str, case: Case, *, rigid: bool) -> ET.Ele
             _put(wall, "Constitutive_model", "", type=law)
             _put(wall, "Dilational_penalty_model", "ST91")
             if law == "stVK":
-                # by default that program adds its bulk modulus to this law too
-                _put(wall, "Penalty_parameter", case.wall.volumetric_penalty)
+                # by default that program adds a bulk modulus to this law too; it refuses zero
+                penalty = case.wall.volumetric_penalty or _LEAST_PENALTY
+                _put(wall, "Penalty_parameter", penalty)
         _put(wall, "Density", case.wall.rho_s)
         _put(wall, "Elasticity_modulus", case.wall.E)
         _put(wall, "Poisson_ratio", case.wall.nu)

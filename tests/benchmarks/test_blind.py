@@ -1,10 +1,12 @@
 """The blind benchmark itself: its truth, its seals, and a subset small enough for every run."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from benchmarks.blind import layers, rates, truth
-from benchmarks.blind.cases import Cases, seal, unseal
+from benchmarks.blind.cases import TIERS, Cases, seal, unseal
 from benchmarks.blind.diagnoses import diagnose_folder, records_in
 from benchmarks.blind.grid import grid_figure, grid_table
 from benchmarks.blind.sample import sampled_log_evidence
@@ -15,10 +17,14 @@ from benchmarks.blind.score import (
     ranked,
     score,
 )
+from benchmarks.blind.sensors import seen
 from diagnosis import CATALOGUE, diagnose, measured, stacked
+from diagnosis.prediction import as_waves, condition_settings, predict
+from lumped import MMHG
 from study.case.record import read_record
 from study.case.template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
 from study.store.cache_folder import VARIABLE
+from tests.diagnosis.records import settings
 
 CAUSES = ("quadratic_loss", "vasodilation", "sensor_height", "signal_delay", None, None)
 
@@ -64,6 +70,64 @@ def test_a_refused_record_is_left_out_and_named(tmp_path, capsys):
 def test_truth_and_catalogue_hold_the_same_effects():
     assert set(truth.RANGES) == {effect.id for effect in CATALOGUE}
     assert not set(truth.OUTSIDE) & set(truth.RANGES)
+
+
+def usual_sizes():
+    """Geometric mean of each range; zero for all comes first."""
+    names = list(truth.RANGES)
+    sizes = np.diag([float(np.sqrt(low * high)) for low, high, _ in truth.RANGES.values()])
+    return names, np.concatenate([np.zeros((1, len(names))), sizes])
+
+
+def compared(waves):
+    """Change by each effect; Q [mL/s] counts ten times: a drop of the ostium is of that order."""
+    return (waves - waves[0])[1:] * np.array([1.0, 1.0, 10.0])[:, None]
+
+
+@pytest.fixture(scope="module")
+def predicted_changes():
+    """What the catalogue's effects do: effects × conditions × sensors × samples."""
+    names, sizes = usual_sizes()
+    order = [names.index(effect.id) for effect in CATALOGUE]
+    cases = condition_settings(measured(settings()))
+
+    @jax.jit
+    def waves(size):
+        def one(case):
+            return as_waves(predict(case, jnp.zeros(9), CATALOGUE, size))
+
+        return jax.vmap(one)(cases)
+
+    found = np.stack([np.asarray(waves(jnp.asarray(size[order]))) for size in sizes])
+    found = found[..., :: found.shape[-1] // truth.SAMPLED] / MMHG
+    return compared(found * np.array([1.0, 1.0, MMHG])[:, None])
+
+
+@pytest.mark.parametrize("tier", TIERS)
+def test_every_effect_has_a_form_in_the_truth_that_acts_as_it_does(
+    tier, predicted_changes, monkeypatch
+):
+    monkeypatch.setattr(truth, "STEPS", 1600)
+    monkeypatch.setattr(truth, "BEATS", 3)
+    names, sizes = usual_sizes()
+    cases = condition_settings(measured(settings()))
+    count, conditions = len(sizes), cases.period.size
+    one = np.ones(count * conditions)
+    lanes = {name: one for name in ("C_a", "C_im", "C0")} | {"alpha": 0.25 * one}
+    for name in ("period", "order", "stress", "adenosine", "dobutamine"):
+        lanes[name] = np.tile(np.asarray(getattr(cases, name)), count)
+    for name in ("R0", "P_systolic", "P_diastolic"):
+        lanes[name] = np.tile(np.asarray(getattr(cases, name)) / MMHG, count)
+    lanes["sizes"] = {n: np.repeat(sizes[:, k], conditions) for k, n in enumerate(names)}
+    traces = seen(TIERS[tier](lanes), lanes)
+    waves = np.stack([traces[n] for n in ("P_aorta", "P_distal", "Q")], axis=1)
+    changes = compared(waves.reshape(count, conditions, 3, -1))
+    for name, true, model in zip(names, changes, predicted_changes, strict=True):
+        length, expected = np.linalg.norm(true), np.linalg.norm(model)
+        # cosines are 0.95 to 1, ratios of lengths 0.8 to 1.6; a form of its own may lie further off
+        assert length > 0.4 * expected, f"{name} changes little or nothing in the truth"
+        assert length < 2.5 * expected, name
+        assert np.sum(true * model) > 0.6 * length * expected, name
 
 
 @pytest.mark.slow

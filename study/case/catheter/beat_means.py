@@ -87,6 +87,9 @@ class ImportedCondition:
         said = ", ".join(f"{n} {why}" for why, n in counts.items())
         left = f"; left out: {said}" if said else ""
         found = [f"{len(beats.used)} of {len(beats.reason)} beats are used{left}."]
+        if self.trace.columns:
+            read = ", ".join(f"{role} from {name}" for role, name in self.trace.columns.items())
+            found.append(f"Columns: {read}.")
         if abs(means.delay) > 0.03:
             which = "later" if means.delay > 0.0 else "earlier"
             found.append(
@@ -103,7 +106,7 @@ class ImportedCondition:
         if means.ratio >= 1.0:
             found.append(
                 f"Pd/Pa is {means.ratio:.3f}: the wire has drifted or lies lower than the aortic "
-                "sensor."
+                "sensor, or the two columns are exchanged (--columns)."
             )
         return [*self.trace.remarks, *found]
 

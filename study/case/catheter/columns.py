@@ -61,13 +61,13 @@ class ChosenColumns:
         index: column of each role that the table has.
         pressure_mmHg: one unit of its pressures, in mmHg.
         time_s: one unit of its times, in s.
-        stated: whether the header or the user gives the unit of the pressures.
+        names: names of these columns in the table, without those that have none.
     """
 
     index: Mapping[str, int]
     pressure_mmHg: float
     time_s: float
-    stated: bool
+    names: Mapping[str, str]
 
 
 def column_map(text: str) -> dict[str, str]:
@@ -108,7 +108,7 @@ def choose_columns(table: ConsoleTable, given: ExportFormat) -> ChosenColumns:
     needed = ("aortic", "distal") if given.rate else ("time", "aortic", "distal")
     missing = [role for role in needed if role not in index]
     if missing:
-        _refuse_missing(table, missing)
+        _refuse_missing(table, missing, index)
     for role, at in index.items():
         twins = [other for other, place in index.items() if place == at and other != role]
         if twins:
@@ -121,26 +121,40 @@ def choose_columns(table: ConsoleTable, given: ExportFormat) -> ChosenColumns:
         raise refusal(table.path, problem, "export both in mmHg")
     stated = given.pressure_unit or next(iter(pressures), None)
     clock = given.time_unit or ("time" in index and _unit(table, index["time"], TIME_UNITS)) or "s"
-    return ChosenColumns(
-        index, PRESSURE_UNITS[stated or "mmHg"], TIME_UNITS[clock], stated is not None
-    )
+    names = {role: table.header[at] for role, at in index.items() if table.header[at]}
+    return ChosenColumns(index, PRESSURE_UNITS[stated or "mmHg"], TIME_UNITS[clock], names)
 
 
-def _refuse_missing(table: ConsoleTable, missing: Sequence[str]) -> None:
+def _refuse_missing(table: ConsoleTable, missing: Sequence[str], index: Mapping[str, int]) -> None:
     said = "the columns have no names" if not any(table.header) else "no column is recognised"
     names = ", ".join(f"{k}: {name or '?'}" for k, name in enumerate(table.header))
-    cure = f"say which they are, such as --columns time=0,aortic=1,distal=2; here are {names}"
+    example = ",".join(f"{role}={at}" for role, at in _likely(table, index).items())
+    cure = f"say which they are, such as --columns {example}; here are {names}"
     if missing == ["time"]:
         cure += "; or give the sampling rate: --rate 100"
     raise refusal(table.path, f"{said} as {' and '.join(missing)}", cure)
 
 
+def _likely(table: ConsoleTable, index: Mapping[str, int]) -> dict[str, int]:
+    """Columns for an example: recognised ones, then pressures by their unit, then the next."""
+    free = [k for k in range(len(table.header)) if k not in index.values()]
+    pressures = [k for k in free if _unit(table, k, PRESSURE_UNITS)]
+    found = dict(index)
+    for role in ("time", "aortic", "distal"):
+        fitting = free if role == "time" else pressures or free
+        if role not in found and fitting:
+            found[role] = fitting[0]
+            free = [k for k in free if k != found[role]]
+            pressures = [k for k in pressures if k != found[role]]
+    return {role: found[role] for role in ROLES if role in found}
+
+
 def _mapped(table: ConsoleTable, role: str, place: str) -> int:
     if place.isdecimal() and int(place) < len(table.header):
         return int(place)
-    named = [
-        k for k, name in enumerate(table.header) if place.lower() in (name.lower(), _bare(name))
-    ]
+    header = list(enumerate(table.header))
+    named = [k for k, name in header if place.lower() in (name.lower(), _bare(name))]
+    named = named or [k for k, name in header if _bare(place) and _bare(place) == _bare(name)]
     if len(named) == 1:
         return named[0]
     problem = "two columns have this name" if named else "there is no such column"

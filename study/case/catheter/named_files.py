@@ -12,11 +12,13 @@ CHECK = "check"
 """In place of a drug: the wire lay beside the aortic catheter."""
 
 _WORDS = {
-    "none": ("rest", "baseline", "base", "resting"),
+    "none": (
+        "rest", "baseline", "base", "resting", "ruhe", "repos", "reposo", "riposo", "basal",
+    ),
     "adenosine": ("ade", "adeno", "adenosine", "adenosin", "hyperaemia", "hyperemia"),
     "dobutamine": ("dobu", "dobutamine", "dobutamin", "dob"),
     CHECK: ("equal", "equalised", "equalized", "equalisation", "drift", "pullback", "check"),
-}
+}  # fmt: skip
 _NAMES = {"none": "rest", "adenosine": "adenosine", "dobutamine": "dobutamine", CHECK: CHECK}
 
 
@@ -64,10 +66,10 @@ def named_files(given: Sequence[str]) -> list[NamedFile]:
 
 def common_stem(files: Sequence[NamedFile]) -> str:
     """What the names of the files have in common before the condition, to name the patient."""
-    stem = files[0].path.stem
-    tokens = re.split(r"[_\-. ]+", stem)
     words = {word for group in _WORDS.values() for word in group}
-    kept = [token for token in tokens if token.lower() not in words]
+    first, *others = [re.split(r"[_\-. ]+", one.path.stem) for one in files]
+    own = [token for token in first if token.lower() not in words]
+    kept = [token for token in own if all(token in tokens for tokens in others)] or own
     name = re.sub(r"[^A-Za-z0-9-]+", "-", "-".join(kept)).strip("-")
     return name[:40] or "patient"
 

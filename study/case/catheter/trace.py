@@ -2,11 +2,13 @@
 
 import dataclasses
 import pathlib
+from collections.abc import Mapping
 
 import numpy as np
 
 from study.case.catheter.columns import ChosenColumns, ExportFormat, choose_columns
 from study.case.catheter.table import ConsoleTable, read_console_table, refusal
+from study.case.catheter.units import PRESSURE_UNITS
 from study.case.faults import shown
 from study.case.record_beats import COLUMNS, SWAPPED_MMHG
 
@@ -18,6 +20,9 @@ LEAST_PULSE = 2.0
 
 KPA_MEDIAN = 35.0
 """Median aortic pressure below which numbers are no mmHg of a living patient."""
+
+LEAST_KPA = 5.0
+"""Median above which such numbers may be kPa."""
 
 _RANGES = {column.name: (column.low, column.high) for column in COLUMNS}
 _SENSORS = {"aortic": "P_aorta", "distal": "P_distal", "flow": "Q_coronary"}
@@ -36,6 +41,7 @@ class CatheterTrace:
         waves: samples of `P_aorta`, `P_distal` [mmHg] and where recorded `Q_coronary` [mL/min].
         step: usual step [s].
         remarks: what was left out, in sentences.
+        columns: names of the columns in the file, by what they hold.
     """
 
     path: pathlib.Path
@@ -43,6 +49,7 @@ class CatheterTrace:
     waves: dict[str, np.ndarray]
     step: float
     remarks: tuple[str, ...]
+    columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def within(self, span: tuple[float, float]) -> "CatheterTrace":
         """The samples between two times [s].
@@ -88,7 +95,7 @@ def read_trace(path: pathlib.Path, given: ExportFormat) -> CatheterTrace:
     whole = np.isfinite(sum(waves.values(), np.zeros(t.size)))
     _check_lost(path, whole, waves, remarks)
     t, waves = t[whole], {name: wave[whole] for name, wave in waves.items()}
-    trace = CatheterTrace(path, t, waves, _step(path, t), tuple(remarks))
+    trace = CatheterTrace(path, t, waves, _step(path, t), tuple(remarks), chosen.names)
     _check_traces(trace)
     return trace
 
@@ -154,8 +161,10 @@ def _check_unit(path: pathlib.Path, P: np.ndarray, chosen: ChosenColumns) -> Non
         return
     said = f"an aortic pressure near {middle:.3g} mmHg is not plausible"
     cure = "choose another column with --columns aortic=..., or check the unit"
-    if 5.0 < middle < KPA_MEDIAN and not chosen.stated:
-        cure = "if it is in kPa, add --unit kPa; else choose another column with --columns"
+    if LEAST_KPA < middle < KPA_MEDIAN and chosen.pressure_mmHg == 1.0:
+        read = f"{middle:.3g} kPa are {middle * PRESSURE_UNITS['kPa']:.0f} mmHg"
+        cure = f"if it is in kPa ({read}), add --unit kPa, whatever the header says; else choose"
+        cure += " another column with --columns aortic=..."
     raise refusal(path, said, cure)
 
 
@@ -180,8 +189,11 @@ def _step(path: pathlib.Path, t: np.ndarray) -> float:
         cure = "export at 50 Hz or more; if times are in milliseconds, add --time-unit ms"
         raise refusal(path, problem, cure)
     if step < 1e-4:
-        problem = f"a sample every {step:.3g} s"
-        raise refusal(path, problem, "check the unit of the times: --time-unit, or give --rate")
+        problem = f"a sample every {step:.3g} s: the recording would last {t[-1] - t[0]:.3g} s"
+        cure = (
+            "check the unit of the times: --time-unit s, whatever the header says, or give --rate"
+        )
+        raise refusal(path, problem, cure)
     return step
 
 

@@ -10,7 +10,7 @@ from study.case.catheter.beat_means import delay_between, import_condition
 from study.case.catheter.beats import find_beats
 from study.case.catheter.columns import ExportFormat, column_map
 from study.case.catheter.drift import wire_drift
-from study.case.catheter.named_files import CHECK, named_files
+from study.case.catheter.named_files import CHECK, common_stem, named_files
 from study.case.catheter.table import read_console_table
 from study.case.catheter.trace import CatheterTrace, read_trace
 from tests.study.catheter_minutes import Minute, export, minute
@@ -162,3 +162,45 @@ def test_name_of_a_file_says_its_condition(tmp_path):
     for wrong in (["a.txt"], ["exercise=a.txt"], ["rest=a.txt", "rest=b.txt"], ["a_equal.csv"]):
         with pytest.raises(CaseError):
             named_files(wrong)
+
+
+def test_patient_is_what_all_file_names_share(tmp_path):
+    files = named_files([f"{tmp_path}/k-17_ruhe.csv", f"{tmp_path}/k-17_dobutamin.csv"])
+    assert (files[0].name, common_stem(files)) == ("rest", "k-17")
+    files = named_files([f"rest={tmp_path}/k_17_early.csv", f"{tmp_path}/k_17_dobu.csv"])
+    assert common_stem(files) == "k-17"
+    files = named_files([f"rest={tmp_path}/one.csv", f"dobutamine={tmp_path}/two.csv"])
+    assert common_stem(files) == "one"
+
+
+def test_message_proposes_the_columns_that_carry_the_unit_of_a_pressure(tmp_path):
+    columns = minute(3).columns
+    named = {"Time (s)": columns["time"], "EKG (mV)": 0.01 * columns["time"]}
+    named |= {"Druck 1 (mmHg)": columns["p_aortic"], "Druck 2 (mmHg)": columns["p_distal"]}
+    path = tmp_path / "x_rest.csv"
+    path.write_text(export(named, separator=";"))
+    with pytest.raises(CaseError, match="--columns time=0,aortic=2,distal=3"):
+        read_trace(path, ExportFormat())
+    given = column_map("aortic=druck 1,distal=Druck 2")
+    found = read_trace(path, ExportFormat(given))
+    assert found.columns["distal"] == "Druck 2 (mmHg)"
+    assert np.allclose(found.waves["P_distal"], columns["p_distal"], atol=0.01)
+
+
+@pytest.mark.parametrize("head", ["p_aortic", "p_aortic (mmHg)"])
+def test_numbers_in_kilopascal_are_told_whatever_the_header_says(tmp_path, head):
+    columns = minute(3).columns
+    end = head.removeprefix("p_aortic")
+    named = {"time": columns["time"], head: columns["p_aortic"] / 7.50062}
+    path = tmp_path / "x_rest.csv"
+    path.write_text(export({**named, f"p_distal{end}": columns["p_distal"] / 7.50062}))
+    with pytest.raises(CaseError, match=r"kPa are \d+ mmHg\), add --unit kPa"):
+        read_trace(path, ExportFormat())
+    found = read_trace(path, ExportFormat(pressure_unit="kPa"))
+    assert np.allclose(found.waves["P_aorta"], columns["p_aortic"], atol=0.1)
+
+
+def test_exchanged_columns_are_a_reading_of_a_ratio_above_one():
+    given = trace_of(minute(3, ratio=1.03))
+    said = import_condition("rest", "none", given).remarks()
+    assert any("columns are exchanged" in line for line in said)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     )
     from calibration.body_bed import bed_flow, bed_for_flow
     from calibration.body_priors import PRIORS, Prior, body_priors
+    from calibration.cases import map_cases
     from calibration.fit import fit, fit_batch, stacked
     from calibration.free_parameter import FreeParameter
     from calibration.gauss_newton import DampedGaussNewton
@@ -96,7 +97,6 @@ if TYPE_CHECKING:
         Sweep,
         calibrate_many,
         grid,
-        map_cases,
         simulate_many,
         sweep_alpha,
     )

@@ -1,7 +1,6 @@
 """Many surrogates at once: over scale factors, patients and conditions.
 
-One jitted `lax.map` in chunks: a chunk is vectorised and fits the cache, which a single `vmap` of
-ten thousand does not (two to five times slower).
+One jitted call; `calibration.cases` shares the cases out among chunks and devices.
 """
 
 from typing import Any
@@ -12,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from calibration.alpha import AlphaFit, calibrate_alpha
+from calibration.cases import BATCH, length, map_cases
 from lumped import (
     RESULTS,
     AbstractPeriodicSolver,
@@ -25,9 +25,6 @@ from lumped import (
     solve_periodic,
 )
 from lumped.parameters import Parameter
-
-BATCH = 200
-"""Surrogates a chunk: the waveforms of one chunk stay in the second-level cache."""
 
 
 class Sweep(eqx.Module):
@@ -111,21 +108,6 @@ def _simulate(
     return map_cases(one, (surrogates, conditions, rule), batch_size=batch_size)
 
 
-def map_cases(function: Any, cases: Any, *, batch_size: int) -> Any:
-    """Apply a function to every case of a pytree whose leaves have a leading axis or none.
-
-    Raises:
-        ValueError: the axes differ in length, or there is no case or no chunk.
-    """
-    split, shared = eqx.partition(cases, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0)
-    if _length(split) < 1 or batch_size < 1:
-        raise ValueError(
-            f"{_length(split)} cases in chunks of {batch_size}: give at least one, in chunks of 1 "
-            "or more."
-        )
-    return jax.lax.map(lambda own: function(eqx.combine(own, shared)), split, batch_size=batch_size)
-
-
 def sweep_alpha(
     surrogate: Surrogate,
     condition: HaemodynamicCondition,
@@ -159,22 +141,12 @@ def grid(*axes: Any) -> tuple[Any, ...]:
     conditions into 30 pairs, the last axis running fastest; reshape results with
     ``x.reshape(10, 3)``. Leaves without a leading axis stay shared.
     """
-    counts = [_length(axis) for axis in axes]
+    counts = [length(axis) for axis in axes]
     index = jnp.meshgrid(*(jnp.arange(count) for count in counts), indexing="ij")
     return tuple(
         jax.tree.map(lambda leaf, k=k: leaf[k.reshape(-1)] if jnp.ndim(leaf) else leaf, axis)
         for axis, k in zip(axes, index, strict=True)
     )
-
-
-def _length(axis: Any) -> int:
-    lengths = {leaf.shape[0] for leaf in jax.tree.leaves(axis) if jnp.ndim(leaf)}
-    if len(lengths) != 1:
-        raise ValueError(
-            "What differs from case to case needs one common length of its leading axes; got "
-            f"{sorted(lengths)}."
-        )
-    return lengths.pop()
 
 
 class Calibrations(eqx.Module):

@@ -30,10 +30,10 @@ from jaxtyping import Array, Float
 from scipy.special import betainc, ndtri
 from scipy.stats import qmc
 
+from calibration.cases import BATCH, map_cases
 from calibration.interval import Uncertainty, tail_of
 from calibration.reweighting import LEAST_EFFECTIVE, Evidence, agreeing, drawn_again
 from calibration.spreads import EDGE, AbstractSpread
-from calibration.sweep import BATCH
 from calibration.two_levels import Correction, Runs, correction
 
 MOST_FAILED = 0.01
@@ -256,7 +256,7 @@ def _sloped(z, names, spreads, scalar) -> tuple[Array, Array]:
 @eqx.filter_jit
 def _evaluated(z, names, spreads, scalar, batch_size: int) -> Array:
     """The scalar at each sample."""
-    return jax.lax.map(lambda z: scalar(_inputs(z, names, spreads)), z, batch_size=batch_size)
+    return map_cases(lambda z: scalar(_inputs(z, names, spreads)), z, batch_size=batch_size)
 
 
 @eqx.filter_jit
@@ -267,7 +267,7 @@ def _predicted(z, values, names, spreads, functions, batch_size: int) -> tuple[A
         x = _inputs(sample[0], names, spreads)
         return tuple(predicted(x, sample[1]) for predicted in functions)
 
-    return jax.lax.map(row, (z, values), batch_size=batch_size)
+    return map_cases(row, (z, values), batch_size=batch_size)
 
 
 def _samples(

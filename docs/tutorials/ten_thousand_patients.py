@@ -36,7 +36,9 @@ measured = jnp.asarray(rng.uniform(0.6, 0.985, n))
 # %%
 # Calibration
 # -----------
-# The first call compiles; the second one shows what a calibration costs.
+# The first call compiles; the second one shows what a calibration costs. Patients are shared out among
+# all devices of JAX: GPUs, or as many parts of the processor as
+# ``XLA_FLAGS=--xla_force_host_platform_device_count=2`` says.
 def calibrated():
     """All scale factors, with derivatives."""
     return jax.block_until_ready(

@@ -36,8 +36,8 @@ measured = jnp.asarray(rng.uniform(0.6, 0.985, n))
 # %%
 # Calibration
 # -----------
-# The first call compiles; the second one shows what a calibration costs. Patients are shared out among
-# all devices of JAX: GPUs, or as many parts of the processor as
+# The first call compiles; the second one shows what a calibration costs. All devices of JAX share
+# the patients: GPUs, or as many parts of the processor as
 # ``XLA_FLAGS=--xla_force_host_platform_device_count=2`` says.
 def calibrated():
     """All scale factors, with derivatives."""

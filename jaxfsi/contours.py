@@ -1,7 +1,8 @@
 """Lumen contours drawn on an intravascular ultrasound pullback, read from a file.
 
-One point a line, separated by tabs: frame number, x, y, z in millimetres. The points of a frame
-stand together and share their z; z = 0 is the distal end and the last frame is the ostium.
+One point a line, separated by tabs, commas, or semicolons with decimal points or commas: frame
+number, x, y, z in millimetres. The points of a frame stand together and share their z; z = 0 is the
+distal end and the last frame is the ostium.
 
 The catheter moves back and forth with heart and breath while it is pulled, so the order in which
 frames were taken is not exactly their order along the vessel. Who has sorted them by eye keeps a
@@ -20,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfsi.lumen import Lumen
-from jaxfsi.text_files import read_table, read_text
+from jaxfsi.text_files import read_separated, read_table
 from lumped.units import MM
 
 _MIN_FRAMES = 3
@@ -30,8 +31,9 @@ _WIDTH_RANGE_MM = (0.2, 60.0)
 _WIDEST_RANGE_MM = (1.0, 30.0)
 _MAX_FAULTS_SHOWN = 8
 _HINT = (
-    "Expected one point a line: frame number, x, y, z in mm, separated by tabs; "
-    "frames from the distal end (z = 0) to the ostium, each with the same number of points."
+    "Expected one point a line: frame number, x, y, z in mm, separated by tabs, commas or "
+    "semicolons; frames from the distal end (z = 0) to the ostium, each with the same number of "
+    "points."
 )
 
 
@@ -63,7 +65,7 @@ def read_frames(path: pathlib.Path) -> dict[int, FrameContour]:
     Raises:
         ValueError: the file cannot be read as described.
     """
-    frames = _parse(path, read_text(path).splitlines())
+    frames = _parse(path, read_separated(path, "\t").splitlines())
     contours = _contours(path, frames)
     return {
         frame.number: FrameContour(frame.z_mm, points)
@@ -77,10 +79,10 @@ def read_ivus_contours(
     """Read the contours of a pullback as a lumen.
 
     Args:
-        path: tab-separated file of points (frame, x, y, z in mm); a byte-order mark is skipped.
-        frame_table: comma-separated table with the columns ``frame`` and ``position`` [mm from
-            the ostium]. Where it is given, frames lie at their position and are sorted by it;
-            where it is not, s is the distance from the last frame along z.
+        path: file of points (frame, x, y, z in mm), see above; a byte-order mark is skipped.
+        frame_table: table separated by commas or semicolons with the columns ``frame`` and
+            ``position`` [mm from the ostium]. Where it is given, frames lie at their position and
+            are sorted by it; where it is not, s is the distance from the last frame along z.
 
     Returns:
         The lumen, in cm, from the ostium (s = 0) downstream. A closing point that repeats the
@@ -91,7 +93,7 @@ def read_ivus_contours(
             of every fault.
     """
     path = pathlib.Path(path)
-    frames = _parse(path, read_text(path).splitlines())
+    frames = _parse(path, read_separated(path, "\t").splitlines())
     contours = _contours(path, frames)
     z_mm = np.array([frame.z_mm for frame in frames])
     if frame_table is None:

@@ -87,15 +87,37 @@ def read_text(path: pathlib.Path) -> str:
         raise ValueError(f"{path}: is not a UTF-8 text ({bad_byte(error)}). {AGAIN}.") from error
 
 
-def read_table(path: pathlib.Path) -> Iterator[tuple[int, dict[str, str]]]:
-    """Rows of a comma-separated table by the names of its first line, each with its line.
+def read_separated(path: pathlib.Path, separator: str) -> str:
+    """A text whose first line decides how it is separated, with one separator in the end.
 
-    Cells that are missing are empty, those beyond the header left out.
+    Spreadsheets write semicolons, and decimal commas beside them, or commas where tabs are wanted.
+
+    Args:
+        path: the file.
+        separator: a tab or a comma.
+
+    Raises:
+        ValueError: the file cannot be read.
+    """
+    text = read_text(path)
+    first = text.lstrip().partition("\n")[0]
+    if "\t" in first:
+        return text
+    if ";" in first:
+        return text.replace(",", ".").replace(";", separator)
+    return text.replace(",", separator)
+
+
+def read_table(path: pathlib.Path) -> Iterator[tuple[int, dict[str, str]]]:
+    """Rows of a table by the names of its first line, each with its line.
+
+    Cells are separated by commas, or by semicolons, where decimal commas are allowed. Cells that
+    are missing are empty, those beyond the header left out.
 
     Raises:
         ValueError: the file cannot be read, or holds no such table.
     """
-    reader = csv.DictReader(io.StringIO(read_text(path), newline=""), restval="")
+    reader = csv.DictReader(io.StringIO(read_separated(path, ","), newline=""), restval="")
     try:
         for row in reader:
             yield reader.line_num, {key: cell for key, cell in row.items() if key is not None}

@@ -21,6 +21,9 @@ _LARGEST_CONVERTED = 1e200
 _CLOSE = 0.6
 """Part of two names that must agree: prestress and support_stiffness share 0.54."""
 
+_HEART_RATES = ("heart_rate", "hr")
+"""Keys that hold a rate where a period is expected."""
+
 _IN_PYTHON = {
     ("support", "tissue"): "tissue outside the wall stands in a table of its own, [tissue], with"
     " stiffness_dyn_per_cm3 and damping_dyn_s_per_cm3",
@@ -32,8 +35,15 @@ def nearest(name: str, candidates: Sequence[str]) -> str | None:
     """The candidate that a misspelt or shortened name resembles most, in any case of letters."""
     lower = {candidate.lower(): candidate for candidate in candidates}
     short = [full for full in lower if len(name) > 2 and full.startswith(name.lower())]
-    found = short or difflib.get_close_matches(name.lower(), lower, n=1, cutoff=_CLOSE)
-    return lower[found[0]] if found else None
+    found = short or difflib.get_close_matches(name.lower(), lower, n=3, cutoff=_CLOSE)
+    if not found:
+        return None
+    alike = [one for one in found if _likeness(one, name) >= _likeness(found[0], name)]
+    return lower[next((one for one in alike if one[0] == name[0].lower()), alike[0])]
+
+
+def _likeness(one: str, name: str) -> float:
+    return difflib.SequenceMatcher(None, one, name.lower()).ratio()
 
 
 def named_in_python(name: str) -> str | None:
@@ -59,10 +69,13 @@ def explain_wrong_unit(
     if match is None:
         return None
     quantity, suffix = match
-    unit = _known_unit(suffix, quantity)
+    is_rate = name.lower() in _HEART_RATES and quantity.dimension == "time"
+    unit = BEATS_PER_MINUTE if is_rate else _known_unit(suffix, quantity)
     expected = readable(quantity.unit) or "a plain number"
     if unit == quantity.unit and unit:
         problem = "unknown key"
+    elif is_rate:
+        problem = f"the period is expected in place of the heart rate, in {expected}"
     elif suffix:
         problem = f"the key ends in {readable(suffix)}; the unit expected is {expected}"
     else:

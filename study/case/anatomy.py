@@ -29,7 +29,7 @@ class IvusState:
     contours: Annotated[
         pathlib.Path,
         Location(
-            described="file of tab-separated frame, x, y, z in mm", text="beside this file",
+            described="file of frame, x, y, z in mm", text="beside this file",
             example="contours.csv",
         ),
     ]  # fmt: skip
@@ -52,7 +52,7 @@ class IvusState:
     external_contours: Annotated[
         pathlib.Path | None,
         Location(
-            described="file of tab-separated frame, x, y, z in mm",
+            described="file of frame, x, y, z in mm",
             text="external elastic membrane; the artery's wall is then as thick as measured",
             example="eem_contours.csv",
         ),

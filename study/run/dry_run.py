@@ -169,10 +169,12 @@ def dry_run_of_diagnosis(
         CaseError: --in-3d or --case would be refused.
     """
     in_3d = importlib.import_module("study.run.diagnosis_in_3d")
+    in_0d = importlib.import_module("study.run.diagnosis")
     if options.case is not None:
-        importlib.import_module("study.run.diagnosis").with_case(record, options.case)
+        in_0d.with_case(record, options.case)
     names = [c.name for c in record.conditions]
-    parts = [DryPart(f"diagnosis of {len(names)} conditions", ANEW)]
+    usual = sum(in_0d.STEPS.values())
+    parts = [DryPart(f"diagnosis of {len(names)} conditions", ANEW, usual)]
     if options.in_3d is None:
         return parts
     in_3d.check_in_3d(options, record)

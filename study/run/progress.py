@@ -45,6 +45,9 @@ _DOUBT = 60.0
 _SETTLING = 15.0
 """Seconds in which an estimate follows what a step says of itself, by 63 %."""
 
+_LATE = 1.5
+"""A step that says nothing of its end is late after so many times the expected time."""
+
 _FINISHED = 0.2
 """A step that takes less than this part of its time was found finished."""
 
@@ -183,7 +186,7 @@ class Progress:
         with self._lock:
             now = self._clock()
             name = self._plan[self._at][0] if self._at >= 0 else "starting"
-            left = _left(self._rest(now))
+            left = _LATE_WORDS if self._late(now) else _left(self._rest(now))
             return f"{self._told or name} ({_span(now - self._start)} so far, {left})"
 
     def share(self) -> float:
@@ -210,6 +213,13 @@ class Progress:
             return max(self._end[0] - now, 0.0)
         usual = self._expected(self._at) * self._pace(now)
         return max(usual - (now - self._step_start), 0.1 * usual)
+
+    def _late(self, now: float) -> bool:
+        """Whether the time left is not known: the step at work is beyond what was expected."""
+        if self._at < 0 or self._end is not None:
+            return False
+        usual = self._expected(self._at) * self._pace(now)
+        return now - self._step_start > max(_LATE * usual, _FEWEST + usual)
 
     def _expected(self, at: int) -> float:
         name, seconds = self._plan[at]
@@ -266,6 +276,9 @@ class Progress:
             self._stream.flush()
             if self._stop.wait(self._line_every):
                 return
+
+
+_LATE_WORDS = "longer than usual: other work on this machine, or code that is compiled once"
 
 
 def _left(seconds: float) -> str:

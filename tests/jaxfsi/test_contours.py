@@ -44,6 +44,21 @@ def test_byte_order_mark_closing_point_and_sense_of_rotation_do_not_matter(tmp_p
     np.testing.assert_allclose(other.area, plain.area, rtol=1e-14)
 
 
+@pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", "."), (";", ",")])
+def test_contours_and_tables_may_be_as_a_spreadsheet_writes_them(tmp_path, separator, decimal):
+    table = "frame,position,note\n0,0.5,a\n10,1.5,b\n20,2.5,\n"
+    (tmp_path / "t.csv").write_text(table)
+    plain = read_ivus_contours(write(tmp_path / "a.csv", rows()), frame_table=tmp_path / "t.csv")
+    lines = [separator.join(v.replace(".", decimal) for v in row) for row in rows()]
+    (tmp_path / "b.csv").write_text("\n".join(lines) + "\n")
+    if separator == ";":
+        written = table.replace(",", ";").replace(".", decimal)
+        (tmp_path / "t.csv").write_text(written)
+    other = read_ivus_contours(tmp_path / "b.csv", frame_table=tmp_path / "t.csv")
+    np.testing.assert_array_equal(other.contours, plain.contours)
+    np.testing.assert_array_equal(other.s, plain.s)
+
+
 def test_frame_table_sorts_frames(tmp_path):
     path = write(tmp_path / "c.csv", rows())
     table = tmp_path / "t.csv"

@@ -79,6 +79,8 @@ def test_membranes_that_are_none_of_this_pullback_are_refused(tmp_path):
     small = write(tmp_path / "small.csv", circles(1.2))
     with pytest.raises(ValueError, match=r"small.csv: in frame 0 100% of the lumen lies outside"):
         read_external_wall(lumen, small, np.arange(6))
+    with pytest.raises(ValueError, match=r"l.csv: the membrane lies on the lumen in every frame"):
+        read_external_wall(lumen, lumen, np.arange(6))
     other = write(tmp_path / "other.csv", circles(1.8, numbers=range(90, 95)))
     with pytest.raises(ValueError, match=r"0 frames of the lumen have a membrane"):
         read_external_wall(lumen, other, np.arange(6))

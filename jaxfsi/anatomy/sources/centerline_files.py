@@ -25,7 +25,7 @@ from jaxfsi.mesh_files import (
     stated_axes,
     turned,
 )
-from jaxfsi.text_files import read_text
+from jaxfsi.text_files import read_separated
 from lumped.units import MM
 
 WIDE = 3.0
@@ -93,7 +93,7 @@ def _curve(path: pathlib.Path) -> tuple[Float[np.ndarray, "points 3"], Axes]:
 def _text_points(path: pathlib.Path) -> Float[np.ndarray, "points 3"]:
     hint = "Expected one point a line: x, y, z in mm, separated by commas."
     points, faults = [], []
-    for i, line in enumerate(read_text(path).splitlines(), start=1):
+    for i, line in enumerate(read_separated(path, ",").splitlines(), start=1):
         if not line.strip():
             continue
         try:

@@ -26,6 +26,7 @@ FEWEST_FRAMES = 3
 _OUTSIDE_MM = 0.15
 _OUTSIDE_SHARE = 0.03
 _HEIGHT_MM = 0.05
+_THINNEST_MM = 0.02
 _MOST_SHOWN = 5
 
 
@@ -90,7 +91,7 @@ def read_external_wall(
 
     Raises:
         ValueError: a file cannot be read, too few frames have both, or a membrane does not
-            surround its lumen.
+            surround its lumen, or all lie on it.
     """
     place = pathlib.Path(external)
     lumen, membrane = read_frames(pathlib.Path(contours)), read_frames(place)
@@ -119,6 +120,8 @@ def read_external_wall(
         sides = np.linalg.norm(np.roll(inner.points_mm, -1, axis=0) - inner.points_mm, axis=1)
         weight = 0.5 * (sides + np.roll(sides, 1))
         values[:, k] = float(weight @ distance / weight.sum()), distance.min(), distance.max()
+    if not faults and np.nanmax(values[0]) < _THINNEST_MM:
+        faults.append("the membrane lies on the lumen in every frame")
     if faults:
         more = f"; and {len(faults) - _MOST_SHOWN} more" if len(faults) > _MOST_SHOWN else ""
         raise ValueError(

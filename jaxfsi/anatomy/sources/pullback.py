@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 from jaxfsi.anatomy.sources.external_wall import ExternalWall, read_external_wall
 from jaxfsi.contours import read_ivus_contours
 from jaxfsi.lumen import Lumen
-from jaxfsi.text_files import read_table, read_text
+from jaxfsi.text_files import read_separated, read_table
 from lumped.units import MM
 
 _DIRECTED_ELLIPTICITY = 1.25
@@ -66,11 +66,11 @@ def read_pullback(
     """Read a pullback and turn its sections to face the aorta.
 
     Args:
-        contours: tab-separated points (frame, x, y, z in mm), see `read_ivus_contours`.
+        contours: points (frame, x, y, z in mm), see `read_ivus_contours`.
         frame_table: comma-separated table of frames with ``frame``, ``position`` [mm] and
             ``measurement_1``, the tissue between aorta and coronary lumen [mm], empty where not
             measured. Without it frames keep their order along z and no tissue is known.
-        reference: one tab-separated line (frame, x, y, z in mm): a point on the aortic side of
+        reference: one line (frame, x, y, z in mm): a point on the aortic side of
             that frame. Without it the side is chosen arbitrarily (slits are nearly symmetric).
         external: contours of the external elastic membrane in the form of the first file, see
             `jaxfsi.anatomy.sources.external_wall`.
@@ -150,20 +150,21 @@ def _aortic_directions(
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _rows(path: pathlib.Path, delimiter: str) -> list[list[str]]:
-    return [line.split(delimiter) for line in read_text(path).splitlines() if line.strip()]
+def _rows(path: pathlib.Path) -> list[list[str]]:
+    lines = read_separated(path, "\t").splitlines()
+    return [line.split("\t") for line in lines if line.strip()]
 
 
 def _frame_numbers(path: pathlib.Path) -> Int[np.ndarray, " frames"]:
     """Frame numbers in the order of the file, which `read_ivus_contours` has checked."""
-    column = np.array([int(float(row[0])) for row in _rows(path, "\t")])
+    column = np.array([int(float(row[0])) for row in _rows(path)])
     _, first = np.unique(column, return_index=True)
     return column[np.sort(first)]
 
 
 def _frame_heights(path: pathlib.Path) -> dict[int, float]:
     """Height z of each frame [mm] in a file that `read_ivus_contours` has checked."""
-    return {int(float(row[0])): float(row[3]) for row in _rows(path, "\t")}
+    return {int(float(row[0])): float(row[3]) for row in _rows(path)}
 
 
 def _check_length(path: pathlib.Path, length_mm: float, what: str) -> None:
@@ -263,8 +264,8 @@ def _reference_point(
     path: pathlib.Path, numbers: Int[np.ndarray, " frames"]
 ) -> tuple[int, Float[np.ndarray, " 2"], float]:
     """Frame, point [cm] and height z [mm]."""
-    rows = _rows(path, "\t")
-    hint = "Expected one line: frame number, x, y, z in mm, separated by tabs."
+    rows = _rows(path)
+    hint = "Expected one line: frame number, x, y, z in mm, separated by tabs or commas."
     if len(rows) != 1 or len(rows[0]) != 4:
         raise ValueError(f"{path}: {len(rows)} lines instead of one reference point. {hint}")
     try:

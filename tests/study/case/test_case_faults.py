@@ -50,6 +50,13 @@ BAD_EDITS = {
     "heart rate for period": (
         "period_s = 0.80", "period_s = 75", "condition.rest.period_s", "looks like bpm: 0.8 s",
     ),
+    "heart rate as a key": (
+        "period_s = 0.80", "heart_rate = 75", "condition.rest.heart_rate",
+        "write period_s = 0.8 (period = 60 s / heart rate)",
+    ),
+    "first letter decides between equally near keys": (
+        "ffr = 0.91", "frr = 0.91", "condition.rest.frr", "the nearest valid key is ffr",
+    ),
     "ml/min for l/min": (
         "per_min = 4.5", "per_min = 4500.0",
         "condition.rest.cardiac_output_l_per_min", "looks like ml/min: 4.5 l/min",
@@ -269,7 +276,7 @@ BAD_EDITS = {
     "unknown kind of anatomy": ('"ivus"', '"ct"', "anatomy.kind", '"mesh"'),
     "missing kind of anatomy": ('kind = "ivus"\n', "", "anatomy.kind", 'add kind = "..."'),
     "missing contours": (
-        'contours = "contours.csv"\n', "", "anatomy.contours", "tab-separated frame, x, y, z",
+        'contours = "contours.csv"\n', "", "anatomy.contours", "file of frame, x, y, z",
     ),
     "contours that do not exist": (
         '"contours.csv"', '"nowhere.csv"', "anatomy.contours", "no such file",

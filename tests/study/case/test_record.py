@@ -153,3 +153,14 @@ def test_R0_comes_from_the_ramp_of_a_finished_study(tmp_path, files):
     (tmp_path / "study.json").write_text(json.dumps(document))
     with pytest.raises(CaseError, match="no study with a ramp"):
         with_case(record, tmp_path)
+
+
+def test_case_of_another_patient_is_told(tmp_path, files):
+    record, _ = read_record(write(tmp_path / "r", files))
+    for name, said in ((record.id, False), ("other-patient", True)):
+        case = tmp_path / "case.toml"
+        case.write_text(
+            f'[patient]\nid = "{name}"\n[surrogate]\nR0_dyn_s_per_cm5 = 5.0e3\n'
+            "[condition.rest]\nP_systolic_mmHg = 110.0\nP_diastolic_mmHg = 65.0\nperiod_s = 0.8\n"
+        )
+        assert ("other-patient" in with_case(record, case)[1]) == said

@@ -87,7 +87,7 @@ def test_diagnosis_is_planned_and_a_missing_study_refused(command, tmp_path):
     assert command("template", "--record", folder=tmp_path / "record").status == 0
     outcome = command("diagnose", tmp_path / "record", "--dry-run")
     assert outcome.status == 0, outcome.stderr
-    assert "to compute  diagnosis of 2 conditions" in outcome.stdout
+    assert "to compute  diagnosis of 2 conditions  about 97 s" in outcome.stdout
     without = command("diagnose", tmp_path / "record", "--dry-run", "--in-3d")
     assert without.status == 2
     assert "--case" in without.stderr

@@ -90,6 +90,19 @@ def test_first_word_of_a_step_without_an_estimate_leaves_that_of_the_plan(progre
     assert progress.message().startswith("compiling the step (10 s so far, about 2 min 20 s left")
 
 
+def test_a_step_beyond_its_time_promises_no_end(progress, clock):
+    progress.plan({"fitting": 10.0, "drawing": 5.0})
+    progress.step("fitting")
+    clock.now += 12.0
+    assert "left" in progress.message()
+    clock.now += 8.0
+    assert progress.message().startswith("fitting (20 s so far, longer than usual")
+    progress.tell("fitting", 7.0)
+    assert "left" in progress.message()
+    progress.step("drawing")
+    assert "left" in progress.message()
+
+
 def test_what_a_step_says_of_itself_takes_over(progress, clock):
     progress.plan({"running": 1000.0})
     progress.step("running")

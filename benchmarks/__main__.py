@@ -11,6 +11,7 @@ from lumped.whole_files import write_whole
 
 BENCHMARKS = (
     "surrogate",
+    "devices",
     "alpha",
     "vascular",
     "fits",

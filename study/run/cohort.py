@@ -5,12 +5,13 @@ folder of its own; `study.run.executors` says where. Their results are kept ther
 goes on with those that are not finished. A case that fails says why and does not stop the others.
 """
 
+import contextlib
 import dataclasses
 import json
 import logging
 import pathlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 
 from jaxfsi.text_files import regular_text
@@ -74,13 +75,15 @@ def run_cohort(
         What became of each, in their order.
 
     Raises:
-        KeyboardInterrupt: the user interrupted; what runs is ended and can be resumed.
+        KeyboardInterrupt: the user interrupted; what runs is ended and can be resumed. It says how
+            many cases are finished.
     """
     at_a_time = max(1, workers or len(cores()))
     known = {member.name: finished_member(member, mode, extra) for member in members}
     results = {name: result for name, result in known.items() if result is not None}
     begun, done = time.monotonic(), 0
-    with at_work_on(executor or LocalProcesses(workers)) as place:
+    at = executor or LocalProcesses(workers)
+    with _kept_said(results, len(members)), at_work_on(at) as place:
         pending: dict[Future[int], _Submitted] = {}
         for member in members:
             if member.name not in results:
@@ -101,6 +104,17 @@ def run_cohort(
                 left = _left(pace, len(pending), spent, done)
                 tell(_told(results, members, pending), len(results) / len(members), left)
     return [results[member.name] for member in members]
+
+
+@contextlib.contextmanager
+def _kept_said(results: Mapping[str, MemberResult], cases: int) -> Iterator[None]:
+    """An interrupt says what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        kept = f"{len(results)} of {cases} cases are finished and kept"
+        why = f"interrupted; {kept}. The same command goes on from there"
+        raise KeyboardInterrupt(str(stop) or why) from None
 
 
 def gathered(members: Sequence[Member], mode: Mode, extra: Sequence[str]) -> list[MemberResult]:

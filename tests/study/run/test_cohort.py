@@ -111,7 +111,7 @@ def test_interrupted_children_are_ended(folder, tmp_path):
     def stop(text, share, left):
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(KeyboardInterrupt, match=r"\d of \d cases are finished and kept"):
         run_cohort(members, "curve", extra=["--no-mesh"], tell=stop)
     assert not (members[0].folder / "status.json").exists()
     assert not (members[0].folder / "result.json").exists()

@@ -11,7 +11,6 @@ from lumped.whole_files import write_whole
 
 BENCHMARKS = (
     "surrogate",
-    "devices",
     "alpha",
     "vascular",
     "fits",
@@ -25,8 +24,8 @@ BENCHMARKS = (
     "published",
     "mesh_error",
 )
-LONG = ("sensitivity", "convergence", "wall_steps", "beats", "coverage_3d")
-"""Run only where they are named: half an hour and more on two cores."""
+LONG = ("devices", "sensitivity", "convergence", "wall_steps", "beats", "coverage_3d")
+"""Run only where they are named: ten minutes to hours on two cores."""
 
 
 def main() -> int:

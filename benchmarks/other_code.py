@@ -40,13 +40,12 @@ from lumped import RCR, Coronary
 from lumped.parameters import Parameter
 from lumped.waveforms import AbstractWaveform
 from study import Case, read_case
-from study.cli.entry import main as jaxfsi
+from study.cli.entry import main as command
 from study.run.case_model import blood_of, wall_of
 from study.run.setup import outlets_of
 from study.run.solver_input import INPUT_FILE, PRESSURE_FILE
 
 _RESULT = "result_*.vtu"
-_LENGTHS_CM = "cm"
 
 
 class _Table(AbstractWaveform):
@@ -83,7 +82,7 @@ def compare(path: pathlib.Path, program: str, place: pathlib.Path, steps: int) -
         RuntimeError: a program failed.
     """
     words = ["mesh", str(path), "--preset", "coarse", "--format", "folder", "--quiet"]
-    if jaxfsi([*words, "--out", str(place)]) != 0:
+    if command([*words, "--out", str(place)]) != 0:
         raise RuntimeError(f"{path} cannot be meshed")
     (file,) = place.rglob(INPUT_FILE)
     dt = _shortened(file, steps)
@@ -92,7 +91,7 @@ def compare(path: pathlib.Path, program: str, place: pathlib.Path, steps: int) -
     if ran.returncode != 0 or not results:
         raise RuntimeError(f"{program} failed: {(ran.stderr or ran.stdout)[-500:]}")
     case, folder = read_case(path), file.parent
-    mesh = read_mesh_complete(folder / "fluid", folder / "solid", unit=_LENGTHS_CM)
+    mesh = read_mesh_complete(folder / "fluid", folder / "solid", unit="cm")
     model = _model(case, mesh, folder / PRESSURE_FILE, dt)
     end = march(model, initial_state(model), prepare(dt, model), steps)
     differences = _differences(meshio.read(results[-1]), model, end.state)

@@ -48,6 +48,8 @@ _SETTLING = 15.0
 _LATE = 1.5
 """A step that says nothing of its end is late after so many times the expected time."""
 
+_LATE_WORDS = "longer than usual: other work on this machine, or code that is compiled once"
+
 _FINISHED = 0.2
 """A step that takes less than this part of its time was found finished."""
 
@@ -276,9 +278,6 @@ class Progress:
             self._stream.flush()
             if self._stop.wait(self._line_every):
                 return
-
-
-_LATE_WORDS = "longer than usual: other work on this machine, or code that is compiled once"
 
 
 def _left(seconds: float) -> str:

@@ -12,6 +12,8 @@
 5. Probabilities and verdict from evidence and priors.
 6. Compare how the best hypothesis and no gap predict conditions that were left out (`predictive`);
    one that predicts worse is not named.
+7. Where nothing explains a record, and a free forcing would act at the inlet, repeat all this with
+   the recorded aortic waveform in place of the assumed one (`inlet`, `own_inlet`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +38,9 @@ from diagnosis.engine import (
     run_scans,
 )
 from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
+from diagnosis.inlet import with_free_inlet, with_inlet
 from diagnosis.measured import Measured, weights
+from diagnosis.own_inlet import needs_own_inlet, with_own_inlet
 from diagnosis.pairs import (
     WORTH_PAIRING,
     Causes,
@@ -60,6 +64,9 @@ from diagnosis.verdict import (
     probabilities_of,
     unconfirmed,
 )
+
+INLET_PASSES = 2
+"""Fits of the base model about which a free inlet is linearised."""
 
 ACCOMPANIED = 2
 """Number of likeliest hypotheses to which a free forcing is added."""
@@ -138,17 +145,54 @@ def diagnose(
             "and a positive scale."
         )
     forms = all_forms(effects)
-    causes, numbers = causes_of(effects, forms), numbers_of(forms, prior_scale)
+    numbers = numbers_of(forms, prior_scale)
+    if not batch.n_sensors:
+        return _diagnosed(batch, effects, forms, numbers, progress)
+    batch = with_inlet(with_power(batch))
+    found = _diagnosed(batch, effects, forms, numbers, progress)
+    freed = [b for b, d in enumerate(found) if needs_own_inlet(d)]
+    if not freed:
+        return found
+    own = jax.tree.map(lambda leaf: leaf[np.array(freed)], batch)
+    x = np.stack([np.asarray(found[b].base.x) for b in freed])
+    for _ in range(INLET_PASSES):
+        own = with_free_inlet(own, jnp.asarray(x))
+        x = np.asarray(_base_fits(own, x, forms, numbers, progress).x)
+    own = with_free_inlet(own, jnp.asarray(x))
+    again = _diagnosed(own, effects, forms, numbers, progress)
+    for b, d in zip(freed, again, strict=True):
+        found[b] = with_own_inlet(found[b], d)
+    return found
+
+
+def _base_fits(
+    batch: Measured,
+    start: np.ndarray,
+    forms: tuple[Effect, ...],
+    numbers: Catalogue,
+    progress: ProgressCallback,
+) -> Fitted:
+    B = batch.period.shape[0]
+    return run_fits(
+        batch, range(B), [(-1, -1)] * B, start, numbers, forms,
+        step="fitting the base model", progress=progress,
+    )  # fmt: skip
+
+
+def _diagnosed(
+    batch: Measured,
+    effects: tuple[Effect, ...],
+    forms: tuple[Effect, ...],
+    numbers: Catalogue,
+    progress: ProgressCallback,
+) -> list[Diagnosis]:
+    """Diagnoses with the inlet as it is."""
+    causes = causes_of(effects, forms)
     B, F = batch.period.shape[0], len(forms)
 
     def base_fits(start: np.ndarray) -> Fitted:
-        return run_fits(
-            batch, range(B), [(-1, -1)] * B, start, numbers, forms,
-            step="fitting the base model", progress=progress,
-        )  # fmt: skip
+        return _base_fits(batch, start, forms, numbers, progress)
 
-    if batch.n_sensors:
-        batch = with_power(batch)
     base = base_fits(base_start(batch))
     if batch.n_sensors and np.all(base.sound):
         batch = coloured(batch, base.residual)

@@ -40,7 +40,6 @@ from diagnosis.effects import Effect
 from diagnosis.evidence import absorbed, posterior_of_products, smooth_scale, split
 from diagnosis.hypothesis import (
     Catalogue,
-    by_condition,
     form_uncertainty,
     log_prior_of_sizes,
     one_sided_unknowns,
@@ -89,7 +88,8 @@ def forcing_evidence(
     beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
     W, data, cases = whitener_of(measured), data_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    form = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+    uncertain = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+    form = uncertain.columns(W)
     none = jnp.zeros(circuit.HARMONICS - FORCING_HARMONICS)
 
     def shown(case: ConditionSettings, own: Array, place: Array, c: Array) -> Array:
@@ -98,29 +98,30 @@ def forcing_evidence(
         at = (jnp.arange(len(FORCED)) == place).astype(complex)
         return observations(beat(case, own, at[:, None] * wave[None, :]), measured.n_sensors)
 
-    zero = jnp.zeros(2 * FORCING_HARMONICS + 1)
+    zero, n_own = jnp.zeros(2 * FORCING_HARMONICS + 1), chooser.shape[1]
 
-    def about(x: Array, place: Array) -> tuple[Array, Array]:
-        """Evidences, and the mean with the likeliest of the forcings."""
-        slopes = by_condition(
-            lambda W, case, own: W(shown(case, own, place, zero)), W, cases, chooser
-        )
-        value, J = slopes(x)
+    def slopes(W: Whitener, case: ConditionSettings, own: Array, place: Array) -> tuple:
+        """Whitened prediction without a forcing, derivative by the unknowns and by a forcing."""
 
-        def response(W: Whitener, case: ConditionSettings, own: Array) -> Array:
-            return W.columns(jax.jacfwd(shown, argnums=3)(case, own, place, zero))
+        def with_value(both: Array) -> tuple[Array, Array]:
+            value = shown(case, both[:n_own], place, both[n_own:])
+            return value, value
 
-        F = jax.vmap(response)(W, cases, chooser @ x)
-        e = W(data) - value + J @ x
-        log_Z, means = forcing_mixture(form, F, J, e, pair, sided)
-        mean = means[jnp.argmax(log_Z)]
-        return log_Z, jnp.where(sided > 0.5, jnp.maximum(mean, 0.0), mean)
+        J, value = jax.jacfwd(with_value, has_aux=True)(jnp.concatenate([own, zero]))
+        J = W.columns(J)
+        return W(value), J[:, :n_own], J[:, n_own:]
 
     def at_place(place: Array) -> Array:
-        here, log_Z = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x), jnp.zeros(0)
-        for _ in range(PASSES):
-            log_Z, here = about(here, place)
-        return log_Z
+        def about(x: Array, _: None) -> tuple[Array, Array]:
+            """The mean with the likeliest of the forcings, and all evidences."""
+            value, J, F = jax.vmap(slopes, (0, 0, 0, None))(W, cases, chooser @ x, place)
+            J = jnp.einsum("cdo,cok->cdk", J, chooser)
+            log_Z, means = forcing_mixture(form, F, J, W(data) - value + J @ x, pair, sided)
+            mean = means[jnp.argmax(log_Z)]
+            return jnp.where(sided > 0.5, jnp.maximum(mean, 0.0), mean), log_Z
+
+        inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
+        return jax.lax.scan(about, inside, length=PASSES)[1][-1]
 
     found = jax.lax.map(at_place, jnp.arange(len(FORCED)))
     found = jnp.where(jnp.isfinite(found), found, -jnp.inf)

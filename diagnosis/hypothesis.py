@@ -47,6 +47,9 @@ FORM_SHIFT = 0.06
 """Uncertainty of the time at which an effect acts [beats]."""
 
 
+REFINED = 3
+"""Points at which a fit is linearised: its optimum, then two posterior means."""
+
 FITTED = np.nan
 """In place of a fixed size: the size is an unknown of the fit."""
 
@@ -147,28 +150,29 @@ def fit_hypothesis(
         value, J = slopes(inside)
         return inside, Whitened(observed - value + J @ inside, J)
 
-    def freedom(x: Array) -> Array:
-        return form_uncertainty(
-            measured, effects, numbers, pair, x, fixed_size, nonlinear=nonlinear
+    def refined(x: Array, _: None) -> tuple[Array, tuple[Array, Whitened, Array, Array]]:
+        """The posterior mean, with the uncertainty of the equations, of the model about x."""
+        inside, linear = about(x)
+        own = form_uncertainty(
+            measured, effects, numbers, pair, inside, fixed_size, nonlinear=nonlinear
         )
+        F = own.columns(W)
+        return posterior(linear, F, sided).mean, (inside, linear, F, own.waves)
 
     # the optimum assumes exact equations: iterate the posterior mean with their uncertainty
-    first = about(optimum)
-    second = about(posterior(first[1], freedom(first[0]), sided).mean)
-    F = freedom(second[0])
-    third = about(posterior(second[1], F, sided).mean)
-    tried = jax.tree.map(lambda *leaves: jnp.stack(leaves), first, second, third)
+    _, (*tried, every_F, every_waves) = jax.lax.scan(refined, optimum, length=REFINED)
+    F = every_F[-2]
     residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(*tried)
     misfits = _without_form(residuals, F)
     each = misfits + jnp.sum(tried[0] ** 2, axis=1)
     best = jnp.argmin(jnp.where(jnp.isfinite(each), each, jnp.inf))
-    (x, linear), residual, misfit = jax.tree.map(lambda a: a[best], (tried, residuals, misfits))
+    (x, linear), residual, misfit, waves = jax.tree.map(
+        lambda a: a[best], (tuple(tried), residuals, misfits, every_waves)
+    )
     after = posterior(linear, F, sided)
-    seen = jax.vmap(beat)(cases, chooser @ x)
     sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (places_of(numbers, pair) @ numbers.sd)
     chi2 = jnp.sum(residual**2)
     sound = jnp.isfinite(after.log_evidence) & jnp.isfinite(chi2)
-    waves = jax.vmap(as_waves)(seen)
     log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
     log_Z = jnp.where(sound, log_Z, -jnp.inf)
     x = x.at[k].set(jnp.where(jnp.isnan(fixed_size), x[k], fixed_size))
@@ -216,9 +220,9 @@ def sensor_model(
         case: ConditionSettings,
         own: Array,
         forced: Array | None = None,
-        share: tuple[float, float] = (1.0, 1.0),
+        share: Float[ArrayLike, " 2"] = (1.0, 1.0),
     ) -> SensorSpectra:
-        sized = jnp.asarray(np.array(share)) * jnp.where(free, own[OWN:], fixed)
+        sized = jnp.asarray(share) * jnp.where(free, own[OWN:], fixed)
         sizes = effect_sizes(numbers, pair, sized)
         return predict(case, own[:OWN], effects, sizes, nonlinear=nonlinear, forced=forced)
 
@@ -242,6 +246,27 @@ def _without_form(residuals: Float[Array, "t c d"], F: Float[Array, "c d m"]) ->
     return jnp.diagonal(jnp.sum(left, axis=0))
 
 
+class FormUncertainty(NamedTuple):
+    """Uncertainty of the equations of a hypothesis, see `evidence`.
+
+    Attributes:
+        waves: predicted signals of the sensors, conditions × 3 sensors × samples
+            [dyn/cm², cm³/s].
+        power: variance of the signals [their units squared].
+        scalar_power: variance of the last four data.
+        n_sensors: number of sensors with a waveform.
+    """
+
+    waves: Float[Array, "c 3 n"]
+    power: Float[Array, "c 3 n"]
+    scalar_power: Float[Array, "c 4"]
+    n_sensors: int
+
+    def columns(self, W: Whitener) -> Float[Array, "c d m"]:
+        """Columns F, whitened."""
+        return _form_columns(W, self.power, self.scalar_power, self.n_sensors)
+
+
 def form_uncertainty(
     measured: Measured,
     effects: Sequence[Effect],
@@ -251,8 +276,8 @@ def form_uncertainty(
     fixed_size: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
-) -> Float[Array, "c d m"]:
-    """Columns F of the uncertainty of the equations of a hypothesis, see `evidence`.
+) -> FormUncertainty:
+    """Uncertainty of the equations of a hypothesis.
 
     Arguments are those of `fit_hypothesis`, and x its optimum.
     """
@@ -261,16 +286,19 @@ def form_uncertainty(
     beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
     tolerances = places_of(numbers, pair) @ numbers.tolerance
 
-    seen = jax.vmap(beat)(cases, own)
-    waves, scalars = jax.vmap(as_waves)(seen), jax.vmap(lambda b: observations(b, n)[-4:])(seen)
-    power, scalar_power = jnp.zeros_like(waves), jnp.zeros_like(scalars)
-    for place, share in enumerate(((0.0, 1.0), (1.0, 0.0))):
-        without = jax.vmap(partial(beat, share=share))(cases, own)
-        tolerance = tolerances[place]
-        power += (tolerance * (waves - jax.vmap(as_waves)(without))) ** 2
-        change = scalars - jax.vmap(lambda b: observations(b, n)[-4:])(without)
-        scalar_power += (tolerance * change) ** 2
-    return _form_columns(whitener_of(measured), power, scalar_power, n)
+    def signals(share: Array) -> tuple[Array, Array]:
+        seen = jax.vmap(partial(beat, share=share))(cases, own)
+        return jax.vmap(as_waves)(seen), jax.vmap(lambda b: observations(b, n)[-4:])(seen)
+
+    # with both effects, without the first, without the second
+    shares = jnp.asarray(np.array([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0]]))
+    waves, scalars = jax.vmap(signals)(shares)
+
+    def power(signal: Array) -> Array:
+        change = signal[:1] - signal[1:]
+        return jnp.einsum("s,sc...->c...", tolerances**2, change**2)
+
+    return FormUncertainty(waves[0], power(waves), power(scalars), n)
 
 
 def by_condition(

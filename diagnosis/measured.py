@@ -72,6 +72,8 @@ class Measured(eqx.Module):
             holds. None where it holds for all.
         modes: columns U of the correlated variations of the data of a condition [their unit]; None
             without any.
+        inlet: added to the assumed aortic pressure at the samples [dyn/cm²], see `inlet`; None
+            without any.
     """
 
     period: Float[Array, "*b c"]
@@ -96,6 +98,7 @@ class Measured(eqx.Module):
     L: Float[Array, "*b"] | None = None
     wave_power: Float[Array, "*b c s f"] | None = None
     modes: Float[Array, "*b c d r"] | None = None
+    inlet: Float[Array, "*b c n"] | None = None
 
     @property
     def n_conditions(self) -> int:

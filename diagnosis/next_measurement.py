@@ -240,5 +240,6 @@ def _with_sensors(record: Measured, sensors: str, sd: float) -> Measured:
         "scalar_sd": jnp.asarray(scalar_sd),
         "wave_power": None,
         "modes": None,
+        "inlet": None,
     }
     return Measured(**fields)

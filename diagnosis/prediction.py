@@ -72,6 +72,7 @@ class ConditionSettings(NamedTuple):
         P_sd: of the recorded pressures [dyn/cm²].
         K, L: quadratic loss and inertance that are known with R0 [dyn·s²/cm⁸, dyn·s²/cm⁵], or
             None.
+        inlet: added to the aortic pressure at the samples [dyn/cm²], or None.
     """
 
     period: Float[Array, "*c"]
@@ -86,6 +87,7 @@ class ConditionSettings(NamedTuple):
     P_sd: Float[Array, "*c"]
     K: Float[Array, "*c"] | None = None
     L: Float[Array, "*c"] | None = None
+    inlet: Float[Array, "*c n"] | None = None
 
 
 def condition_settings(measured: Measured) -> ConditionSettings:
@@ -93,9 +95,11 @@ def condition_settings(measured: Measured) -> ConditionSettings:
     shape = measured.period.shape
     optional = {"K": measured.K, "L": measured.L}
     given = {n: jnp.broadcast_to(v, shape) for n, v in optional.items() if v is not None}
-    names = [name for name in ConditionSettings._fields if name not in optional]
+    names = [n for n in ConditionSettings._fields if n not in optional and n != "inlet"]
     return ConditionSettings(
-        **{name: jnp.broadcast_to(getattr(measured, name), shape) for name in names}, **given
+        **{name: jnp.broadcast_to(getattr(measured, name), shape) for name in names},
+        **given,
+        inlet=measured.inlet,
     )
 
 
@@ -143,13 +147,14 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
     t = jnp.asarray(PHASE) * case.period
     zero = jnp.zeros(())
     narrower = jnp.exp(case.R0_sd_log * own[0])
+    P_inlet = AorticPressure(P_systolic, P_diastolic, case.period)(t)
     return Circuit(
         period=case.period,
         stress=case.stress,
         adenosine=case.adenosine,
         dobutamine=case.dobutamine,
         order=case.order,
-        P_inlet=AorticPressure(P_systolic, P_diastolic, case.period)(t),
+        P_inlet=P_inlet if case.inlet is None else P_inlet + case.inlet,
         P_LV=(1.0 + TRANSMISSION_SD * own[5]) * VentricularPressure(P_systolic, case.period)(t),
         R0=case.R0 * narrower,
         L=zero if case.L is None else case.L,

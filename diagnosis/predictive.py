@@ -71,15 +71,17 @@ def predictive_density(
     inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
     shown = dataclasses.replace(measured, held_out=jnp.zeros_like(measured.held_out))
 
+    def plain(_: Whitener, case: ConditionSettings, own: Array) -> Array:
+        return observations(beat(case, own), measured.n_sensors)
+
+    value, J = by_condition(plain, whitener_of(measured), cases, jnp.asarray(chooser))(inside)
+    uncertain = form_uncertainty(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
+
     def linear_of(record: Measured) -> tuple[Whitened, Array]:
-        W, data = whitener_of(record), data_of(record)
-
-        def whitened(W: Whitener, case: ConditionSettings, own: Array) -> Array:
-            return W(observations(beat(case, own), record.n_sensors))
-
-        value, J = by_condition(whitened, W, cases, jnp.asarray(chooser))(inside)
-        F = form_uncertainty(record, effects, numbers, pair, inside, nonlinear=nonlinear)
-        return Whitened(W(data) - value + J @ inside, J), F
+        W = whitener_of(record)
+        slopes = W.columns(J)
+        e = W(data_of(record) - value) + slopes @ inside
+        return Whitened(e, slopes), uncertain.columns(W)
 
     def log_Z(linear: Whitened, F: Array, used: Array) -> Array:
         kept = Whitened(linear.e * used[:, None], linear.J * used[:, None, None])

@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.circuit import FORCED, FROM_SAMPLES, PHASE, TO_SAMPLES
 from diagnosis.diagnose import Diagnosis
-from diagnosis.effects import PLACES
+from diagnosis.effects import PLACES, all_forms
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import Fitted, numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
@@ -168,8 +168,8 @@ def fit_at_rest(record: Measured) -> Fitted:
     alone = jax.tree.map(lambda leaf: leaf[None], record)
     hidden = jnp.maximum(record.held_out, record.stress)[None]
     alone = Measured(**{**vars(alone), "held_out": hidden})
-    numbers = numbers_of(CATALOGUE)
-    fitted = run_fits(alone, [0], [(-1, -1)], base_start(alone), numbers, CATALOGUE)
+    forms = all_forms(CATALOGUE)  # those of the diagnosis, whose compilation is used again
+    fitted = run_fits(alone, [0], [(-1, -1)], base_start(alone), numbers_of(forms), forms)
     return jax.tree.map(lambda leaf: leaf[0], fitted)
 
 

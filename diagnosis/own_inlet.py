@@ -1,0 +1,104 @@
+"""One diagnosis of two: with the assumed aortic waveform, and with the recorded one.
+
+What the second finds acts beside the effect `aortic_waveform` in the form "recorded". The first
+gives the base model, and the single effects with the assumed waveform, which all but vanish beside.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import logsumexp
+
+from diagnosis.circuit import FORCED
+from diagnosis.effects import find_effect
+from diagnosis.hypothesis import Fitted
+from diagnosis.inlet import EFFECT, leads, recorded_waveform
+from diagnosis.verdict import COVER, Hypothesis, Judgement, key_of
+from lumped.units import MMHG
+
+if TYPE_CHECKING:
+    from diagnosis.diagnose import Diagnosis
+
+
+def needs_own_inlet(diagnosis: "Diagnosis") -> bool:
+    """Whether nothing known explains a record, and what acts would act at its inlet."""
+    known = any(effect.id == EFFECT for effect in diagnosis.effects)
+    unexplained = diagnosis.judgement.verdict == "unknown"
+    return known and unexplained and leads(diagnosis.forcing, diagnosis.accompanied)
+
+
+def with_own_inlet(assumed: "Diagnosis", own: "Diagnosis") -> "Diagnosis":
+    """The diagnosis of a record whose aortic waveform is not the assumed one.
+
+    Args:
+        assumed: with the assumed waveform.
+        own: with the recorded one.
+    """
+    form = recorded_waveform(find_effect(own.effects, EFFECT), own.record)
+    at = [effect.id for effect in own.effects].index(EFFECT)
+    size = float(np.sqrt(np.mean(np.asarray(own.record.inlet) ** 2))) / MMHG
+    sd = float(np.nanmin(np.asarray(own.record.wave_offset_sd)[:, 0])) / MMHG
+    fits, acting, log_B = dict(assumed.fits), dict(assumed.acting), dict(assumed.log_B)
+    inlet = assumed.forcing[FORCED.index("inlet")]
+    alone = float(logsumexp(inlet) - np.log(inlet.size))
+
+    def placed(fitted: Fitted, count: int) -> Fitted:
+        sizes = np.array(fitted.sizes)
+        sizes[at] = size
+        return fitted._replace(
+            sizes=sizes, size_sd=np.append(np.asarray(fitted.size_sd)[:count], sd)
+        )
+
+    for h, fitted in own.fits.items():
+        if EFFECT not in h:
+            fits[_beside(h)] = placed(fitted, len(h))
+            acting[_beside(h)] = (*own.acting[h], form)
+            log_B[_beside(h)] = alone + own.log_B[h]
+    probabilities = dict.fromkeys(["none", *(e.id for e in own.effects)], 0.0)
+    for name, p in own.judgement.probabilities.items():
+        h = _beside(() if name == "none" else tuple(name.split("+")))
+        key = "unknown" if name == "unknown" else key_of(h)
+        probabilities[key] = probabilities.get(key, 0.0) + p
+    forms = {**own.forms, EFFECT: {form.form: 1.0}}
+    return own._replace(
+        record=assumed.record,
+        judgement=_judged(own.judgement, probabilities),
+        fits=fits,
+        acting=acting,
+        forms=forms,
+        log_B=log_B,
+        forcing=assumed.forcing,
+        accompanied={_beside(h): a for h, a in {(): own.forcing, **own.accompanied}.items()},
+        beside=_summed(own.beside),
+    )
+
+
+def _beside(hypothesis: Hypothesis) -> Hypothesis:
+    """A hypothesis with the aortic waveform as its last effect."""
+    return (*(name for name in hypothesis if name != EFFECT), EFFECT)
+
+
+def _summed(beside: dict[Hypothesis, float]) -> dict[Hypothesis, float]:
+    found: dict[Hypothesis, float] = {}
+    for h, p in beside.items():
+        found[_beside(h)] = found.get(_beside(h), 0.0) + p
+    return found
+
+
+def _judged(own: Judgement, probabilities: dict[str, float]) -> Judgement:
+    """The verdict, which names the aortic waveform beside what is found with the recorded one."""
+    alone = "named" if own.closed else "unknown"
+    verdict = alone if own.verdict == "no_gap" else own.verdict
+    ranked = sorted(probabilities, key=lambda name: -probabilities[name])
+    mass = np.cumsum([probabilities[name] for name in ranked])
+    cover = tuple(ranked[: int(np.searchsorted(mass, COVER)) + 1])
+    named = cover if verdict == "ambiguous" else _beside(own.named)
+    inclusion = {**own.inclusion, EFFECT: 1.0}
+    return own._replace(
+        verdict=verdict,
+        named=named,
+        probabilities=probabilities,
+        inclusion=inclusion,
+        cover=cover,
+        best=_beside(own.best),
+    )

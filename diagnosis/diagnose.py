@@ -37,8 +37,9 @@ from diagnosis.engine import (
     run_predictions,
     run_scans,
 )
+from diagnosis.forms import SQUEEZE_DELAY
 from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
-from diagnosis.inlet import with_free_inlet, with_inlet
+from diagnosis.inlet import LATE, PUMP, with_free_inlet, with_inlet
 from diagnosis.measured import Measured, weights
 from diagnosis.own_inlet import needs_own_inlet, with_own_inlet
 from diagnosis.pairs import (
@@ -155,14 +156,30 @@ def diagnose(
         return found
     own = jax.tree.map(lambda leaf: leaf[np.array(freed)], batch)
     x = np.stack([np.asarray(found[b].base.x) for b in freed])
-    for _ in range(INLET_PASSES):
-        own = with_free_inlet(own, jnp.asarray(x))
-        x = np.asarray(_base_fits(own, x, forms, numbers, progress).x)
-    own = with_free_inlet(own, jnp.asarray(x))
+    own = _with_own_inlet(own, x, forms, numbers, progress)
     again = _diagnosed(own, effects, forms, numbers, progress)
     for b, d in zip(freed, again, strict=True):
         found[b] = with_own_inlet(found[b], d)
     return found
+
+
+def _with_own_inlet(
+    batch: Measured,
+    x: np.ndarray,
+    forms: tuple[Effect, ...],
+    numbers: Catalogue,
+    progress: ProgressCallback,
+) -> Measured:
+    """Records with a free inlet about the fitted base model, whose squeeze may be late."""
+    late = [k for k, form in enumerate(forms) if (form.id, form.form) == (PUMP, LATE)]
+    later = np.zeros(x.shape[0])
+    for _ in range(INLET_PASSES):
+        batch = with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later))
+        fitted = _base_fits(batch, x, forms, numbers, progress, *late)
+        x = np.concatenate([np.asarray(fitted.x)[:, :-2], np.zeros((x.shape[0], 2))], axis=1)
+        if late:
+            later = SQUEEZE_DELAY * np.asarray(fitted.sizes)[:, late[0]]
+    return with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later))
 
 
 def _base_fits(
@@ -171,10 +188,11 @@ def _base_fits(
     forms: tuple[Effect, ...],
     numbers: Catalogue,
     progress: ProgressCallback,
+    effect: int = -1,
 ) -> Fitted:
     B = batch.period.shape[0]
     return run_fits(
-        batch, range(B), [(-1, -1)] * B, start, numbers, forms,
+        batch, range(B), [(effect, -1)] * B, start, numbers, forms,
         step="fitting the base model", progress=progress,
     )  # fmt: skip
 

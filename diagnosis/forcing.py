@@ -88,8 +88,7 @@ def forcing_evidence(
     beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
     W, data, cases = whitener_of(measured), data_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    uncertain = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
-    form = uncertain.columns(W)
+    form = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
     none = jnp.zeros(circuit.HARMONICS - FORCING_HARMONICS)
 
     def shown(case: ConditionSettings, own: Array, place: Array, c: Array) -> Array:

@@ -153,7 +153,7 @@ def fit_hypothesis(
     def refined(x: Array, _: None) -> tuple[Array, tuple[Array, Whitened, Array, Array]]:
         """The posterior mean, with the uncertainty of the equations, of the model about x."""
         inside, linear = about(x)
-        own = form_uncertainty(
+        own = uncertain_signals(
             measured, effects, numbers, pair, inside, fixed_size, nonlinear=nonlinear
         )
         F = own.columns(W)
@@ -246,8 +246,8 @@ def _without_form(residuals: Float[Array, "t c d"], F: Float[Array, "c d m"]) ->
     return jnp.diagonal(jnp.sum(left, axis=0))
 
 
-class FormUncertainty(NamedTuple):
-    """Uncertainty of the equations of a hypothesis, see `evidence`.
+class UncertainSignals(NamedTuple):
+    """Signals of the sensors, and how uncertain equations make them, see `evidence`.
 
     Attributes:
         waves: predicted signals of the sensors, conditions × 3 sensors × samples
@@ -273,11 +273,28 @@ def form_uncertainty(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
+    *,
+    nonlinear: bool,
+) -> Float[Array, "c d m"]:
+    """Whitened columns F of the uncertainty of the equations of a hypothesis.
+
+    Arguments are those of `fit_hypothesis`, and x its optimum.
+    """
+    uncertain = uncertain_signals(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+    return uncertain.columns(whitener_of(measured))
+
+
+def uncertain_signals(
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
     fixed_size: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
-) -> FormUncertainty:
-    """Uncertainty of the equations of a hypothesis.
+) -> UncertainSignals:
+    """Signals under a hypothesis, with the uncertainty of its equations.
 
     Arguments are those of `fit_hypothesis`, and x its optimum.
     """
@@ -298,7 +315,7 @@ def form_uncertainty(
         change = signal[:1] - signal[1:]
         return jnp.einsum("s,sc...->c...", tolerances**2, change**2)
 
-    return FormUncertainty(waves[0], power(waves), power(scalars), n)
+    return UncertainSignals(waves[0], power(waves), power(scalars), n)
 
 
 def by_condition(

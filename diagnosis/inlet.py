@@ -11,6 +11,10 @@ changes in the traces are modes of the record (`measured`), linearised about the
 every fit and evidence is an integral over the inlet, and errors of the aortic catheter remain
 possible.
 
+The ventricle's squeeze is timed by the start of the aortic pressure, which another waveform moves:
+its delay is fitted with the base model, as the form "late" of the effect `intramyocardial_pump`,
+and remains uncertain by `DELAY_SD`, one more mode.
+
 The result names the effect `aortic_waveform`, in the form "recorded", beside all that is found.
 """
 
@@ -44,6 +48,12 @@ from lumped.units import MMHG
 EFFECT = "aortic_waveform"
 """The effect of the catalogue that a free inlet is a form of."""
 
+PUMP, LATE = "intramyocardial_pump", "late"
+"""The effect, and its form, that is a delay of the squeeze."""
+
+DELAY_SD = 0.01
+"""Standard deviation of the squeeze's delay once it is fitted [s]; assumed."""
+
 LED = 0.5
 """Share of a free forcing's evidence at the inlet from which the inlet is set free."""
 
@@ -59,9 +69,14 @@ def with_inlet(batch: Measured) -> Measured:
     if batch.inlet is not None:
         return batch
     shape = (*batch.period.shape, batch.n_sensors * (2 * HARMONICS + 1) + 4)
-    none = jnp.zeros((*shape, _LOW.size))
+    none = jnp.zeros((*shape, _LOW.size + 1))
     modes = none if batch.modes is None else jnp.concatenate([batch.modes, none], axis=-1)
-    return dataclasses.replace(batch, inlet=jnp.zeros((*batch.period.shape, SAMPLES)), modes=modes)
+    return dataclasses.replace(
+        batch,
+        inlet=jnp.zeros((*batch.period.shape, SAMPLES)),
+        squeeze_delay=jnp.zeros(batch.period.shape[:1]),
+        modes=modes,
+    )
 
 
 def leads(alone: np.ndarray, beside: Mapping[Any, np.ndarray]) -> bool:
@@ -80,27 +95,35 @@ def leads(alone: np.ndarray, beside: Mapping[Any, np.ndarray]) -> bool:
 
 
 @jax.jit
-def with_free_inlet(batch: Measured, x: Float[Array, "b k"]) -> Measured:
+def with_free_inlet(batch: Measured, x: Float[Array, "b k"], later: Float[Array, " b"]) -> Measured:
     """Records whose inlet is free about the recorded aortic pressure.
 
     Args:
         batch: records with a place for it, see `with_inlet`; one with a free inlet gets a new one.
         x: optimum of the base model, standardised, by record.
+        later: what is added to the delay of the squeeze [s].
     """
-    return jax.vmap(_free)(batch, x)
+    return jax.vmap(_free)(batch, x, later)
 
 
-def _free(measured: Measured, x: Float[Array, " k"]) -> Measured:
+def _free(measured: Measured, x: Float[Array, " k"], later: Float[Array, ""]) -> Measured:
     assert measured.modes is not None, "see with_inlet"
-    cases = condition_settings(measured)
+    assert measured.squeeze_delay is not None, "see with_inlet"
+    delay = measured.squeeze_delay + later
+    cases = condition_settings(dataclasses.replace(measured, squeeze_delay=delay))
     own = (jnp.asarray(selection(measured.n_conditions, 2)) @ x)[:, :OWN]
     n, count = measured.n_sensors, 2 * HARMONICS + 1
 
-    def seen(case: ConditionSettings, own: Array, c: Array) -> Array:
-        case = case._replace(inlet=jnp.asarray(_WAVES) @ c)
+    def seen(case: ConditionSettings, own: Array, free: Array) -> Array:
+        """Data under a wave at the inlet and a delay in units of `DELAY_SD`."""
+        assert case.squeeze_delay is not None, "see with_inlet"
+        case = case._replace(
+            inlet=jnp.asarray(_WAVES) @ free[:-1],
+            squeeze_delay=case.squeeze_delay + DELAY_SD * free[-1],
+        )
         return observations(predict(case, own, (), jnp.zeros(0), nonlinear=False), n)
 
-    zero = jnp.zeros((measured.n_conditions, _LOW.size))
+    zero = jnp.zeros((measured.n_conditions, _LOW.size + 1))
     assumed = jax.vmap(seen)(cases, own, zero)
     recorded = (weights(measured) > 0.0)[:, :count]
     left = jnp.where(recorded, data_of(measured)[:, :count] - assumed[:, :count], 0.0)
@@ -112,13 +135,15 @@ def _free(measured: Measured, x: Float[Array, " k"]) -> Measured:
     fit = jnp.sum(-0.5 * z**2, axis=(1, 2)) - measured.n_conditions * jnp.asarray(
         np.sum(np.log(table), axis=1)
     )
-    scale = jnp.asarray(table)[jnp.argmax(fit)]
-    H = jax.vmap(jax.jacfwd(seen, argnums=2))(cases, own, delta)
-    kept = measured.modes[..., : -_LOW.size]
+    scale = jnp.append(jnp.asarray(table)[jnp.argmax(fit)], 1.0)
+    free = jnp.pad(delta, ((0, 0), (0, 1)))
+    H = jax.vmap(jax.jacfwd(seen, argnums=2))(cases, own, free)
+    kept = measured.modes[..., : -scale.size]
     return dataclasses.replace(
         measured,
         inlet=delta @ jnp.asarray(_WAVES.T),
-        modes=jnp.concatenate([kept, H * scale], axis=-1),
+        squeeze_delay=delay,
+        modes=jnp.concatenate([kept, H * scale[None, None]], axis=-1),
     )
 
 

@@ -74,6 +74,7 @@ class Measured(eqx.Module):
             without any.
         inlet: added to the assumed aortic pressure at the samples [dyn/cm²], see `inlet`; None
             without any.
+        squeeze_delay: of the ventricular pressure behind its assumed time [s]; None with `inlet`.
     """
 
     period: Float[Array, "*b c"]
@@ -99,6 +100,7 @@ class Measured(eqx.Module):
     wave_power: Float[Array, "*b c s f"] | None = None
     modes: Float[Array, "*b c d r"] | None = None
     inlet: Float[Array, "*b c n"] | None = None
+    squeeze_delay: Float[Array, "*b"] | None = None
 
     @property
     def n_conditions(self) -> int:

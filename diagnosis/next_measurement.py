@@ -241,5 +241,6 @@ def _with_sensors(record: Measured, sensors: str, sd: float) -> Measured:
         "wave_power": None,
         "modes": None,
         "inlet": None,
+        "squeeze_delay": None,
     }
     return Measured(**fields)

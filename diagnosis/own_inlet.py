@@ -36,7 +36,8 @@ def with_own_inlet(assumed: "Diagnosis", own: "Diagnosis") -> "Diagnosis":
     """
     form = recorded_waveform(find_effect(own.effects, EFFECT), own.record)
     at = [effect.id for effect in own.effects].index(EFFECT)
-    size = float(np.sqrt(np.mean(np.asarray(own.record.inlet) ** 2))) / MMHG
+    inlet_rms = np.sqrt(np.mean(np.asarray(own.record.inlet) ** 2))
+    size = float(inlet_rms) / MMHG
     sd = float(np.nanmin(np.asarray(own.record.wave_offset_sd)[:, 0])) / MMHG
     fits, acting, log_B = dict(assumed.fits), dict(assumed.acting), dict(assumed.log_B)
     inlet = assumed.forcing[FORCED.index("inlet")]
@@ -54,7 +55,7 @@ def with_own_inlet(assumed: "Diagnosis", own: "Diagnosis") -> "Diagnosis":
             fits[_beside(h)] = placed(fitted, len(h))
             acting[_beside(h)] = (*own.acting[h], form)
             log_B[_beside(h)] = alone + own.log_B[h]
-    probabilities = dict.fromkeys(["none", *(e.id for e in own.effects)], 0.0)
+    probabilities = dict.fromkeys((key_of(h) for h in [*assumed.fits, *fits]), 0.0)
     for name, p in own.judgement.probabilities.items():
         h = _beside(() if name == "none" else tuple(name.split("+")))
         key = "unknown" if name == "unknown" else key_of(h)

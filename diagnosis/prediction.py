@@ -73,6 +73,7 @@ class ConditionSettings(NamedTuple):
         K, L: quadratic loss and inertance that are known with R0 [dyn·s²/cm⁸, dyn·s²/cm⁵], or
             None.
         inlet: added to the aortic pressure at the samples [dyn/cm²], or None.
+        squeeze_delay: of the ventricular pressure [s], or None.
     """
 
     period: Float[Array, "*c"]
@@ -88,12 +89,13 @@ class ConditionSettings(NamedTuple):
     K: Float[Array, "*c"] | None = None
     L: Float[Array, "*c"] | None = None
     inlet: Float[Array, "*c n"] | None = None
+    squeeze_delay: Float[Array, "*c"] | None = None
 
 
 def condition_settings(measured: Measured) -> ConditionSettings:
     """The settings of all conditions of one record."""
     shape = measured.period.shape
-    optional = {"K": measured.K, "L": measured.L}
+    optional = {name: getattr(measured, name) for name in ("K", "L", "squeeze_delay")}
     given = {n: jnp.broadcast_to(v, shape) for n, v in optional.items() if v is not None}
     names = [n for n in ConditionSettings._fields if n not in optional and n != "inlet"]
     return ConditionSettings(
@@ -148,6 +150,8 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
     zero = jnp.zeros(())
     narrower = jnp.exp(case.R0_sd_log * own[0])
     P_inlet = AorticPressure(P_systolic, P_diastolic, case.period)(t)
+    late = zero if case.squeeze_delay is None else case.squeeze_delay
+    P_LV = VentricularPressure(P_systolic, case.period)(t - late)
     return Circuit(
         period=case.period,
         stress=case.stress,
@@ -155,7 +159,7 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
         dobutamine=case.dobutamine,
         order=case.order,
         P_inlet=P_inlet if case.inlet is None else P_inlet + case.inlet,
-        P_LV=(1.0 + TRANSMISSION_SD * own[5]) * VentricularPressure(P_systolic, case.period)(t),
+        P_LV=(1.0 + TRANSMISSION_SD * own[5]) * P_LV,
         R0=case.R0 * narrower,
         L=zero if case.L is None else case.L,
         K=zero,

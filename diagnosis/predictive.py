@@ -25,10 +25,10 @@ from diagnosis.evidence import Whitened, posterior
 from diagnosis.hypothesis import (
     Catalogue,
     by_condition,
-    form_uncertainty,
     log_prior_of_sizes,
     one_sided_unknowns,
     sensor_model,
+    uncertain_signals,
 )
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
@@ -75,7 +75,7 @@ def predictive_density(
         return observations(beat(case, own), measured.n_sensors)
 
     value, J = by_condition(plain, whitener_of(measured), cases, jnp.asarray(chooser))(inside)
-    uncertain = form_uncertainty(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
+    uncertain = uncertain_signals(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
 
     def linear_of(record: Measured) -> tuple[Whitened, Array]:
         W = whitener_of(record)

@@ -101,10 +101,12 @@ def _rest_ffr(case: Case) -> Fault | None:
 
 
 def _resistance(case: Case) -> Fault | None:
-    if case.surrogate.R0 is not None or isinstance(case.anatomy, IvusAnatomy):
+    from_body = case.surrogate.law == "linear" and "surrogate.R0" in case.from_body.assumed
+    if case.surrogate.R0 is not None or isinstance(case.anatomy, IvusAnatomy) or from_body:
         return None
     problem = "the resistance of the anomalous artery is missing, and no contours to get it from"
-    cure = 'give it below [surrogate], or an [anatomy] with kind = "ivus"'
+    cure = 'give it below [surrogate], or an [anatomy] with kind = "ivus", or a [body] and the '
+    cure += "resting ratio"
     return Fault(case.path, "surrogate.R0_dyn_s_per_cm5", None, problem, "above 0", cure)
 
 

@@ -42,7 +42,7 @@ examples:
   jaxfsi calibrate case.toml
   jaxfsi calibrate case.toml --json
 
-needs [condition.rest] with ffr, and R0 or an ivus anatomy; writes calibration.json.
+needs [condition.rest] with ffr, and R0, an ivus anatomy or a [body]; writes calibration.json.
 """,
     ),
     "calibrate-wall": (

@@ -56,13 +56,21 @@ def noise(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
     return np.sqrt(0.5) * (white + smooth @ root.T)
 
 
-def beats_of_model(rng: np.random.Generator, sizes: dict[str, float]) -> np.ndarray:
-    """Traces of the model with effects of some size: conditions × sensors × `SAMPLES`, in CGS."""
+def beats_of_model(
+    rng: np.random.Generator, sizes: dict[str, float], inlet: np.ndarray | None = None
+) -> np.ndarray:
+    """Traces of the model with effects of some size: conditions × sensors × `SAMPLES`, in CGS.
+
+    `inlet` is added to the aortic pressure of every condition.
+    """
     blank = measured(settings())
     x = 0.5 * rng.standard_normal(n_unknowns(blank))
     own = jnp.asarray(selection(4, 0) @ x)
     values = jnp.asarray(np.array([sizes.get(name, 0.0) for name in NAMES]))
-    return np.asarray(_waves(condition_settings(blank), own, values))
+    cases = condition_settings(blank)
+    if inlet is not None:
+        cases = cases._replace(inlet=jnp.broadcast_to(jnp.asarray(inlet), (4, SAMPLES)))
+    return np.asarray(_waves(cases, own, values))
 
 
 def clocked(
@@ -100,11 +108,18 @@ def clocked(
     return dataclasses.replace(plain, conditions=tuple(conditions), pressure_sd=None), waves
 
 
-def synthetic(sizes: dict[str, float], *, seed: int = 0, beats: int = 1, sd: float = 0.5) -> Record:
+def synthetic(
+    sizes: dict[str, float],
+    *,
+    seed: int = 0,
+    beats: int = 1,
+    sd: float = 0.5,
+    inlet: np.ndarray | None = None,
+) -> Record:
     """A record of the model itself with effects of some size, and noise `sd` [mmHg]."""
     rng = np.random.default_rng(seed)
     plain = settings()
-    waves = beats_of_model(rng, sizes)[..., ::STEP]
+    waves = beats_of_model(rng, sizes, inlet)[..., ::STEP]
     n = SAMPLES // STEP
     conditions = []
     for c, condition in enumerate(plain.conditions):

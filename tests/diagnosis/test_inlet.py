@@ -1,0 +1,83 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from diagnosis import diagnose, find_effect, measured, stacked
+from diagnosis.circuit import FROM_SAMPLES, PHASE
+from diagnosis.engine import base_start
+from diagnosis.inlet import leads, with_free_inlet, with_inlet
+from diagnosis.measured import whitener_of
+from diagnosis.resolution import HARMONICS
+from diagnosis.shrink import held_out_gap
+from lumped import MMHG
+from tests.diagnosis.records import synthetic
+
+COUNT = 2 * HARMONICS + 1
+
+# a late second peak and a slower fall, 5 mmHg: no bell of the catalogue has this shape
+OTHER = 5.0 * MMHG * (np.sin(4.0 * np.pi * PHASE + 0.4) + 0.6 * np.cos(6.0 * np.pi * PHASE))
+
+
+def freed(record):
+    batch = with_inlet(stacked([measured(record)]))
+    return with_free_inlet(batch, jnp.asarray(base_start(batch)), jnp.zeros(1))
+
+
+def test_free_inlet_is_the_recorded_less_the_assumed_pressure():
+    plain, other = synthetic({}, seed=4), synthetic({}, seed=4, inlet=OTHER)
+    difference = np.asarray(freed(other).inlet - freed(plain).inlet)[0]
+    # both records have the same unknowns and noise
+    assert np.abs(difference - OTHER).max() < 1e-6 * MMHG
+
+
+def test_modes_hold_what_the_inlet_does_to_both_traces():
+    batch = freed(synthetic({}, seed=4, inlet=OTHER))
+    record = jax.tree.map(lambda leaf: leaf[0], batch)
+    pair = [synthetic({}, seed=4, inlet=scale * OTHER) for scale in (1.0, 1.1)]
+    waves = [measured(one).waves for one in pair]
+    change = np.asarray(waves[1] - waves[0]) @ FROM_SAMPLES.T
+    flat = np.concatenate([change.reshape(4, -1), np.zeros((4, 4))], axis=1)
+    seen = np.linalg.norm(np.asarray(whitener_of(record)(jnp.asarray(flat))), axis=1)
+    plain = whitener_of(record)._replace(modes=None, lessened=None)
+    alone = np.linalg.norm(np.asarray(plain(jnp.asarray(flat))), axis=1)
+    # free to vary by itself, a tenth more of it is worth next to nothing
+    assert np.all(seen < 0.15 * alone)
+
+
+def test_a_place_for_the_inlet_changes_nothing():
+    batch = stacked([measured(synthetic({}, seed=4))])
+    given = with_inlet(batch)
+    y = jnp.asarray(np.random.default_rng(1).standard_normal(given.modes.shape[1:3]))
+    first, second = (
+        whitener_of(jax.tree.map(lambda leaf: leaf[0], one))(y) for one in (batch, given)
+    )
+    np.testing.assert_allclose(second, first, atol=1e-9)
+    assert with_inlet(given) is given
+
+
+def test_a_forcing_leads_at_the_inlet_alone_or_beside():
+    nowhere, there = np.zeros((7, 2, 2, 4)), np.zeros((7, 2, 2, 4))
+    there[4] = 5.0
+    assert leads(there, {})
+    assert leads(nowhere, {("a",): there, ("b",): nowhere})
+    assert not leads(nowhere, {("a",): there, ("b",): there[::-1] + 9.0})
+
+
+@pytest.mark.slow
+def test_effect_behind_another_aortic_waveform_is_named_with_its_size():
+    sizes = ({"quadratic_loss": 6.0}, {"vasodilation": 0.6}, {})
+    records = [synthetic(s, seed=k, inlet=OTHER) for k, s in enumerate(sizes)]
+    for diagnosis, truth in zip(
+        diagnose(stacked([measured(r) for r in records])), sizes, strict=True
+    ):
+        judgement = diagnosis.judgement
+        assert judgement.verdict == "named"
+        assert set(judgement.named) == {*truth, "aortic_waveform"}
+        assert find_effect(diagnosis.acting[judgement.best], "aortic_waveform").form == "recorded"
+        for name, size in truth.items():
+            place = [e.id for e in diagnosis.effects].index(name)
+            sd = float(diagnosis.best.size_sd[judgement.best.index(name)])
+            assert abs(float(diagnosis.best.sizes[place]) - size) < 5.0 * sd
+        (held,) = held_out_gap(diagnosis)
+        assert held.P_distal_rms.after < 2.0 * held.P_distal_rms.noise_floor

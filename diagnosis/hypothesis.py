@@ -50,6 +50,9 @@ FORM_SHIFT = 0.06
 REFINED = 3
 """Points at which a fit is linearised: its optimum, then two posterior means."""
 
+BOTH = np.ones(2)
+"""Shares of both effects of a hypothesis."""
+
 FITTED = np.nan
 """In place of a fixed size: the size is an unknown of the fit."""
 
@@ -160,14 +163,14 @@ def fit_hypothesis(
         return posterior(linear, F, sided).mean, (inside, linear, F, own.waves)
 
     # the optimum assumes exact equations: iterate the posterior mean with their uncertainty
-    _, (*tried, every_F, every_waves) = jax.lax.scan(refined, optimum, length=REFINED)
+    _, (points, linears, every_F, every_waves) = jax.lax.scan(refined, optimum, length=REFINED)
     F = every_F[-2]
-    residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(*tried)
+    residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
     misfits = _without_form(residuals, F)
-    each = misfits + jnp.sum(tried[0] ** 2, axis=1)
+    each = misfits + jnp.sum(points**2, axis=1)
     best = jnp.argmin(jnp.where(jnp.isfinite(each), each, jnp.inf))
     (x, linear), residual, misfit, waves = jax.tree.map(
-        lambda a: a[best], (tuple(tried), residuals, misfits, every_waves)
+        lambda a: a[best], ((points, linears), residuals, misfits, every_waves)
     )
     after = posterior(linear, F, sided)
     sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (places_of(numbers, pair) @ numbers.sd)
@@ -220,7 +223,7 @@ def sensor_model(
         case: ConditionSettings,
         own: Array,
         forced: Array | None = None,
-        share: Float[ArrayLike, " 2"] = (1.0, 1.0),
+        share: Float[ArrayLike, " 2"] = BOTH,
     ) -> SensorSpectra:
         sized = jnp.asarray(share) * jnp.where(free, own[OWN:], fixed)
         sizes = effect_sizes(numbers, pair, sized)

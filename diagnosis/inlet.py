@@ -88,8 +88,9 @@ def leads(alone: np.ndarray, beside: Mapping[Any, np.ndarray]) -> bool:
     """
     likeliest = max(beside.values(), key=logsumexp, default=alone)
     for found in (alone, likeliest):
-        places = logsumexp(found.reshape(len(FORCED), -1), axis=1)
-        if np.exp(places - logsumexp(places))[FORCED.index("inlet")] > LED:
+        places = np.asarray(logsumexp(found.reshape(len(FORCED), -1), axis=1))
+        share = np.exp(places - np.max(places))
+        if share[FORCED.index("inlet")] > LED * np.sum(share):
             return True
     return False
 

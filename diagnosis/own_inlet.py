@@ -4,6 +4,7 @@ What the second finds acts beside the effect `aortic_waveform` in the form "reco
 gives the base model, and the single effects with the assumed waveform, which all but vanish beside.
 """
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -79,7 +80,7 @@ def _beside(hypothesis: Hypothesis) -> Hypothesis:
     return (*(name for name in hypothesis if name != EFFECT), EFFECT)
 
 
-def _summed(beside: dict[Hypothesis, float]) -> dict[Hypothesis, float]:
+def _summed(beside: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
     found: dict[Hypothesis, float] = {}
     for h, p in beside.items():
         found[_beside(h)] = found.get(_beside(h), 0.0) + p

@@ -51,7 +51,7 @@ EFFECT = "aortic_waveform"
 PUMP, LATE = "intramyocardial_pump", "late"
 """The effect, and its form, that is a delay of the squeeze."""
 
-DELAY_SD = 0.01
+DELAY_SD = 0.025
 """Standard deviation of the squeeze's delay once it is fitted [s]; assumed."""
 
 LED = 0.5

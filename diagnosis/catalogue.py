@@ -229,7 +229,7 @@ _FIRST_FORMS = (
         tolerance=CRUDE_FORM,
         change=Bell(NOTCH, NOTCH_WIDTH),
         equation="P_aorta + φ exp(−(t/T − 0.40)²/(2·0.03²))",
-        sentence="the aortic pressure has a notch that the assumed waveform lacks",
+        sentence="the aortic pressure has another shape than the assumed waveform",
         settled_by="nothing more: the aortic trace shows it",
         source="the waveform of Puelz et al. 2024 has no dicrotic notch; range ±2 to ±9, assumed",
     ),

@@ -30,18 +30,16 @@ from diagnosis.colour import coloured, with_power
 from diagnosis.effects import SCALE, Effect, all_forms
 from diagnosis.engine import (
     ProgressCallback,
+    base_fits,
     base_start,
     no_progress,
-    run_fits,
     run_forcings,
     run_predictions,
     run_scans,
 )
-from diagnosis.forms import SQUEEZE_DELAY
 from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
-from diagnosis.inlet import LATE, PUMP, with_free_inlet, with_inlet
 from diagnosis.measured import Measured, weights
-from diagnosis.own_inlet import needs_own_inlet, with_own_inlet
+from diagnosis.own_inlet import inlet_freed, needs_own_inlet, with_own_inlet
 from diagnosis.pairs import (
     WORTH_PAIRING,
     Causes,
@@ -65,9 +63,6 @@ from diagnosis.verdict import (
     probabilities_of,
     unconfirmed,
 )
-
-INLET_PASSES = 2
-"""Fits of the base model about which a free inlet is linearised."""
 
 ACCOMPANIED = 2
 """Number of likeliest hypotheses to which a free forcing is added."""
@@ -147,54 +142,25 @@ def diagnose(
         )
     forms = all_forms(effects)
     numbers = numbers_of(forms, prior_scale)
-    if not batch.n_sensors:
-        return _diagnosed(batch, effects, forms, numbers, progress)
-    batch = with_inlet(with_power(batch))
+    if batch.n_sensors:
+        batch = with_power(batch)
     found = _diagnosed(batch, effects, forms, numbers, progress)
-    freed = [b for b, d in enumerate(found) if needs_own_inlet(d)]
-    if not freed:
+    freed = np.array([b for b, d in enumerate(found) if needs_own_inlet(d)], int)
+    if freed.size == 0:
         return found
-    own = jax.tree.map(lambda leaf: leaf[np.array(freed)], batch)
     x = np.stack([np.asarray(found[b].base.x) for b in freed])
-    own = _with_own_inlet(own, x, forms, numbers, progress)
-    again = _diagnosed(own, effects, forms, numbers, progress)
-    for b, d in zip(freed, again, strict=True):
+    own, sound = inlet_freed(_rows(batch, freed), x, numbers, forms, progress)
+    if not np.any(sound):
+        return found
+    again = _diagnosed(_rows(own, np.flatnonzero(sound)), effects, forms, numbers, progress)
+    for b, d in zip(freed[sound], again, strict=True):
         found[b] = with_own_inlet(found[b], d)
     return found
 
 
-def _with_own_inlet(
-    batch: Measured,
-    x: np.ndarray,
-    forms: tuple[Effect, ...],
-    numbers: Catalogue,
-    progress: ProgressCallback,
-) -> Measured:
-    """Records with a free inlet about the fitted base model, whose squeeze may be late."""
-    late = [k for k, form in enumerate(forms) if (form.id, form.form) == (PUMP, LATE)]
-    later = np.zeros(x.shape[0])
-    for _ in range(INLET_PASSES):
-        batch = with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later))
-        fitted = _base_fits(batch, x, forms, numbers, progress, *late)
-        x = np.concatenate([np.asarray(fitted.x)[:, :-2], np.zeros((x.shape[0], 2))], axis=1)
-        if late:
-            later = SQUEEZE_DELAY * np.asarray(fitted.sizes)[:, late[0]]
-    return with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later))
-
-
-def _base_fits(
-    batch: Measured,
-    start: np.ndarray,
-    forms: tuple[Effect, ...],
-    numbers: Catalogue,
-    progress: ProgressCallback,
-    effect: int = -1,
-) -> Fitted:
-    B = batch.period.shape[0]
-    return run_fits(
-        batch, range(B), [(effect, -1)] * B, start, numbers, forms,
-        step="fitting the base model", progress=progress,
-    )  # fmt: skip
+def _rows(batch: Measured, chosen: np.ndarray) -> Measured:
+    """Some records of a batch."""
+    return jax.tree.map(lambda leaf: leaf[chosen], batch)
 
 
 def _diagnosed(
@@ -208,13 +174,10 @@ def _diagnosed(
     causes = causes_of(effects, forms)
     B, F = batch.period.shape[0], len(forms)
 
-    def base_fits(start: np.ndarray) -> Fitted:
-        return _base_fits(batch, start, forms, numbers, progress)
-
-    base = base_fits(base_start(batch))
+    base = base_fits(batch, base_start(batch), numbers, forms, progress)
     if batch.n_sensors and np.all(base.sound):
         batch = coloured(batch, base.residual)
-        base = base_fits(np.asarray(base.x))
+        base = base_fits(batch, np.asarray(base.x), numbers, forms, progress)
     if not np.all(base.sound):
         bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
         raise RuntimeError(

@@ -220,3 +220,19 @@ def base_start(batch: Measured) -> np.ndarray:
     """Start of the base fits: the priors' means."""
     measured = jax.tree.map(lambda leaf: leaf[0], batch)
     return np.zeros((batch.period.shape[0], n_unknowns(measured) + 2))
+
+
+def base_fits(
+    batch: Measured,
+    start: np.ndarray,
+    numbers: Catalogue,
+    effects: tuple[Effect, ...],
+    progress: ProgressCallback,
+    beside: int = -1,
+) -> Fitted:
+    """Fits of the base model, by record; `beside` is the position of an effect that acts too."""
+    B = batch.period.shape[0]
+    return run_fits(
+        batch, range(B), [(beside, -1)] * B, start, numbers, effects,
+        step="fitting the base model", progress=progress,
+    )  # fmt: skip

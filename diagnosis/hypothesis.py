@@ -136,10 +136,14 @@ def fit_hypothesis(
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
 
-    def whitened(W: Whitener, case: ConditionSettings, own: Array) -> Array:
-        return W(observations(beat(case, own), measured.n_sensors))
+    def seen(case: ConditionSettings, own: Array) -> Array:
+        return observations(beat(case, own), measured.n_sensors)
 
-    slopes = by_condition(whitened, W, cases, chooser)
+    plain = by_condition(seen, cases, chooser)
+
+    def slopes(x: Array) -> tuple[Array, Array]:
+        value, J = plain(x)
+        return W(value), W.columns(J)
 
     observed = W(data)
     optimum, value, _ = descend(slopes, observed, start)
@@ -162,7 +166,8 @@ def fit_hypothesis(
         F = own.columns(W)
         return posterior(linear, F, sided).mean, (inside, linear, F, own.waves)
 
-    # the optimum assumes exact equations: iterate the posterior mean with their uncertainty
+    # the optimum assumes exact equations: iterate the posterior mean with their uncertainty; that
+    # of the last point is not used, but one loop compiles in half the time of three calls
     _, (points, linears, every_F, every_waves) = jax.lax.scan(refined, optimum, length=REFINED)
     F = every_F[-2]
     residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
@@ -322,23 +327,22 @@ def uncertain_signals(
 
 
 def by_condition(
-    whitened: Callable[[Whitener, ConditionSettings, Array], Array],
-    W: Whitener,
+    model: Callable[[ConditionSettings, Array], Array],
     cases: ConditionSettings,
     chooser: Float[Array, "c o k"],
 ) -> Callable[[Array], tuple[Array, Array]]:
     """Values of all conditions with their derivatives by all unknowns, as a function of those."""
 
-    def one(W: Whitener, case: ConditionSettings, own: Array) -> tuple[Array, Array]:
+    def one(case: ConditionSettings, own: Array) -> tuple[Array, Array]:
         def with_value(own: Array) -> tuple[Array, Array]:
-            value = whitened(W, case, own)
+            value = model(case, own)
             return value, value
 
         J, value = jax.jacfwd(with_value, has_aux=True)(own)
         return value, J
 
     def slopes(x: Array) -> tuple[Array, Array]:
-        value, J = jax.vmap(one)(W, cases, chooser @ x)
+        value, J = jax.vmap(one)(cases, chooser @ x)
         return value, jnp.einsum("cdo,cok->cdk", J, chooser)
 
     return slopes

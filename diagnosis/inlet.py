@@ -28,11 +28,11 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
-from diagnosis.changes import Change
 from diagnosis.circuit import FORCED, TO_SAMPLES, Circuit
 from diagnosis.effects import Effect
 from diagnosis.evidence import smooth_scale
 from diagnosis.forcing import AMPLITUDES, FORCING_HARMONICS, LENGTHS
+from diagnosis.forms import SQUEEZE_DELAY, late_squeeze
 from diagnosis.measured import Measured, data_of, weights
 from diagnosis.prediction import (
     OWN,
@@ -62,12 +62,7 @@ _WAVES = TO_SAMPLES[:, _LOW]
 
 
 def with_inlet(batch: Measured) -> Measured:
-    """Records with a place for a free inlet, which changes nothing yet.
-
-    With it, fits with the assumed inlet and with a free one share one compilation.
-    """
-    if batch.inlet is not None:
-        return batch
+    """Records with a place for a free inlet, which changes nothing yet."""
     shape = (*batch.period.shape, batch.n_sensors * (2 * HARMONICS + 1) + 4)
     none = jnp.zeros((*shape, _LOW.size + 1))
     modes = none if batch.modes is None else jnp.concatenate([batch.modes, none], axis=-1)
@@ -148,28 +143,31 @@ def _free(measured: Measured, x: Float[Array, " k"], later: Float[Array, ""]) ->
     )
 
 
+def inlet_rms(measured: Measured) -> float:
+    """Root mean square of δ_0 over all conditions of a record with a free inlet [dyn/cm²]."""
+    assert measured.inlet is not None, "see with_inlet"
+    return float(np.sqrt(np.mean(np.asarray(measured.inlet) ** 2)))
+
+
 def recorded_waveform(effect: Effect, measured: Measured) -> Effect:
     """The effect of an aortic waveform that is another one, in the form "recorded".
 
-    Its size is the rms of δ_0 over all conditions [mmHg].
+    Its size is the rms of δ_0 over all conditions [mmHg]; the delay of the squeeze goes with it.
 
     Args:
         effect: the first form.
         measured: one record with a free inlet.
     """
-    assert measured.inlet is not None
-    delta, order = np.asarray(measured.inlet), np.asarray(measured.order)
-    return effect._replace(
-        equation="P_inlet(t) = recorded P_aorta(t)",
-        change=_recorded(delta / max(float(np.sqrt(np.mean(delta**2))), 1e-300), order),
-        form="recorded",
-        forms=(),
-    )
+    assert measured.squeeze_delay is not None, "see with_inlet"
+    rms = inlet_rms(measured) / MMHG
+    wave, order = np.asarray(measured.inlet) / rms, np.asarray(measured.order)
+    late = float(measured.squeeze_delay) / SQUEEZE_DELAY / rms
 
-
-def _recorded(wave: np.ndarray, order: np.ndarray) -> Change:
     def change(circuit: Circuit, size: Float[Array, ""]) -> Circuit:
         here = jnp.argmin(jnp.abs(jnp.asarray(order) - circuit.order))
-        return circuit._replace(P_inlet=circuit.P_inlet + size * MMHG * jnp.asarray(wave)[here])
+        circuit = late_squeeze(circuit, size * late)
+        return circuit._replace(P_inlet=circuit.P_inlet + size * jnp.asarray(wave)[here])
 
-    return change
+    return effect._replace(
+        equation="P_inlet(t) = recorded P_aorta(t)", change=change, form="recorded", forms=()
+    )

@@ -7,25 +7,75 @@ gives the base model, and the single effects with the assumed waveform, which al
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.special import logsumexp
 
 from diagnosis.circuit import FORCED
-from diagnosis.effects import find_effect
-from diagnosis.hypothesis import Fitted
-from diagnosis.inlet import EFFECT, leads, recorded_waveform
-from diagnosis.verdict import COVER, Hypothesis, Judgement, key_of
+from diagnosis.effects import Effect, find_effect
+from diagnosis.engine import ProgressCallback, base_fits
+from diagnosis.forms import SQUEEZE_DELAY
+from diagnosis.hypothesis import Catalogue, Fitted
+from diagnosis.inlet import (
+    EFFECT,
+    LATE,
+    PUMP,
+    inlet_rms,
+    leads,
+    recorded_waveform,
+    with_free_inlet,
+    with_inlet,
+)
+from diagnosis.measured import Measured
+from diagnosis.verdict import Hypothesis, Judgement, cover_of, key_of
 from lumped.units import MMHG
 
 if TYPE_CHECKING:
     from diagnosis.diagnose import Diagnosis
 
+INLET_PASSES = 2
+"""Fits of the base model about which a free inlet is linearised."""
+
 
 def needs_own_inlet(diagnosis: "Diagnosis") -> bool:
     """Whether nothing known explains a record, and what acts would act at its inlet."""
     known = any(effect.id == EFFECT for effect in diagnosis.effects)
+    recorded = diagnosis.record.n_sensors > 0
     unexplained = diagnosis.judgement.verdict == "unknown"
-    return known and unexplained and leads(diagnosis.forcing, diagnosis.accompanied)
+    forced = diagnosis.forcing, diagnosis.accompanied
+    return known and recorded and unexplained and leads(*forced)
+
+
+def inlet_freed(
+    batch: Measured,
+    x: np.ndarray,
+    numbers: Catalogue,
+    forms: tuple[Effect, ...],
+    progress: ProgressCallback,
+) -> tuple[Measured, np.ndarray]:
+    """Records with a free inlet about the base model, whose squeeze may be late.
+
+    Args:
+        batch: the records.
+        x: optimum of the base model, standardised, by record.
+        numbers: of the forms.
+        forms: every form of every effect.
+        progress: called after each block of jobs.
+
+    Returns:
+        The records, and whether the base model could be fitted to each.
+    """
+    late = [k for k, form in enumerate(forms) if (form.id, form.form) == (PUMP, LATE)]
+    later, sound = np.zeros(x.shape[0]), np.ones(x.shape[0], bool)
+    batch = with_inlet(batch)
+    for _ in range(INLET_PASSES):
+        batch = with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later))
+        fitted = base_fits(batch, x, numbers, forms, progress, *late)
+        sound = sound & np.asarray(fitted.sound)
+        x = np.concatenate([np.asarray(fitted.x)[:, :-2], np.zeros((x.shape[0], 2))], axis=1)
+        if late:
+            later = SQUEEZE_DELAY * np.asarray(fitted.sizes)[:, late[0]]
+    return with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later)), sound
 
 
 def with_own_inlet(assumed: "Diagnosis", own: "Diagnosis") -> "Diagnosis":
@@ -37,14 +87,14 @@ def with_own_inlet(assumed: "Diagnosis", own: "Diagnosis") -> "Diagnosis":
     """
     form = recorded_waveform(find_effect(own.effects, EFFECT), own.record)
     at = [effect.id for effect in own.effects].index(EFFECT)
-    inlet_rms = np.sqrt(np.mean(np.asarray(own.record.inlet) ** 2))
-    size = float(inlet_rms) / MMHG
+    size = inlet_rms(own.record) / MMHG
     sd = float(np.nanmin(np.asarray(own.record.wave_offset_sd)[:, 0])) / MMHG
     fits, acting, log_B = dict(assumed.fits), dict(assumed.acting), dict(assumed.log_B)
     inlet = assumed.forcing[FORCED.index("inlet")]
     alone = float(logsumexp(inlet) - np.log(inlet.size))
 
     def placed(fitted: Fitted, count: int) -> Fitted:
+        """A fit with the size of the waveform, whose sd comes after those of its effects."""
         sizes = np.array(fitted.sizes)
         sizes[at] = size
         return fitted._replace(
@@ -91,9 +141,7 @@ def _judged(own: Judgement, probabilities: dict[str, float]) -> Judgement:
     """The verdict, which names the aortic waveform beside what is found with the recorded one."""
     alone = "named" if own.closed else "unknown"
     verdict = alone if own.verdict == "no_gap" else own.verdict
-    ranked = sorted(probabilities, key=lambda name: -probabilities[name])
-    mass = np.cumsum([probabilities[name] for name in ranked])
-    cover = tuple(ranked[: int(np.searchsorted(mass, COVER)) + 1])
+    cover = cover_of(probabilities)
     named = cover if verdict == "ambiguous" else _beside(own.named)
     inclusion = {**own.inclusion, EFFECT: 1.0}
     return own._replace(

@@ -30,7 +30,7 @@ from diagnosis.hypothesis import (
     sensor_model,
     uncertain_signals,
 )
-from diagnosis.measured import Measured, Whitener, data_of, whitener_of
+from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
 
 
@@ -71,10 +71,10 @@ def predictive_density(
     inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
     shown = dataclasses.replace(measured, held_out=jnp.zeros_like(measured.held_out))
 
-    def plain(_: Whitener, case: ConditionSettings, own: Array) -> Array:
+    def seen(case: ConditionSettings, own: Array) -> Array:
         return observations(beat(case, own), measured.n_sensors)
 
-    value, J = by_condition(plain, whitener_of(measured), cases, jnp.asarray(chooser))(inside)
+    value, J = by_condition(seen, cases, jnp.asarray(chooser))(inside)
     uncertain = uncertain_signals(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
 
     def linear_of(record: Measured) -> tuple[Whitened, Array]:

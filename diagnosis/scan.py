@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from diagnosis.effects import Effect
 from diagnosis.evidence import Whitened, log_moment
 from diagnosis.hypothesis import Catalogue, by_condition
-from diagnosis.measured import Measured, Whitener, data_of, whitener_of
+from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
     ConditionSettings,
@@ -55,12 +55,12 @@ def linearise(
     chooser = jnp.asarray(selection(measured.n_conditions, len(effects)))
     joined = jnp.concatenate([x[: n_unknowns(measured)], sizes])
 
-    def whitened(W: Whitener, case: ConditionSettings, own: Array) -> Array:
-        return W(observations(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors))
+    def seen(case: ConditionSettings, own: Array) -> Array:
+        return observations(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors)
 
-    value, J = by_condition(whitened, W, cases, chooser)(joined)
-    k = n_unknowns(measured)
-    residual = W(data_of(measured)) - value
+    value, J = by_condition(seen, cases, chooser)(joined)
+    k, J = n_unknowns(measured), W.columns(J)
+    residual = W(data_of(measured) - value)
     linear = Whitened(residual + J[..., :k] @ x[:k], J[..., :k])
     return Linearised(linear, J[..., k:] * numbers.sd[None, None])
 

@@ -6,8 +6,9 @@ pressure and error of the pressure ratio before and after, compared with noise a
     floor_rms² = sd² (w + (1 − w)) + offset²,    floor_ffr = offset √2 / mean P_aorta.
 
 The prediction after the diagnosis averages all hypotheses by their probabilities (Hoeting et al.
-1999, Stat Sci 14:382), with the base model for "unknown". It is the base model alone if the verdict
-is "unknown" (nothing known can be added) or "no_gap" (nothing needs to be).
+1999, Stat Sci 14:382), with the base model for "unknown" alone, and the effects known to act for
+"unknown" beside them. It is the base model alone if the verdict is "unknown" (nothing known can be
+added) or "no_gap" (nothing needs to be).
 """
 
 from typing import NamedTuple
@@ -55,6 +56,7 @@ def expected_waves(diagnosis: Diagnosis) -> np.ndarray:
     change = np.zeros_like(base)
     for hypothesis, fitted in diagnosis.fits.items():
         p = diagnosis.judgement.probabilities[key_of(hypothesis)]
+        p += diagnosis.beside.get(hypothesis, 0.0)
         if hypothesis and p > 1e-6 and fitted.sound:
             change += p * (np.asarray(fitted.waves) - base)
     return base + change

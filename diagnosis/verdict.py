@@ -108,6 +108,13 @@ def probabilities_of(
     return {**found, "unknown": sum(parts.values())}, parts
 
 
+def cover_of(probabilities: Mapping[str, float]) -> tuple[str, ...]:
+    """The smallest set of hypotheses with 90 % of the probability, likeliest first."""
+    ranked = sorted(probabilities, key=lambda name: -probabilities[name])
+    mass = np.cumsum([probabilities[name] for name in ranked])
+    return tuple(ranked[: int(np.searchsorted(mass, COVER)) + 1])
+
+
 def is_closed(chi2: float, base_chi2: float, n_data: int, n_fitted: int) -> bool:
     """Whether a fit closes the gap, see the table above."""
     freedom = max(n_data - n_fitted, 1)
@@ -154,9 +161,7 @@ def judge(
         for part in hypothesis:
             inclusion[part] += p
     best = max(misfit, key=lambda h: probabilities[key_of(h)])
-    ranked = sorted(probabilities, key=lambda name: -probabilities[name])
-    mass = np.cumsum([probabilities[name] for name in ranked])
-    cover = tuple(ranked[: int(np.searchsorted(mass, COVER)) + 1])
+    cover = cover_of(probabilities)
     closed = is_closed(misfit[best], misfit[()], n_data, n_unknowns + len(best))
     sure = tuple(e for e in effects if inclusion[e] >= NAMED)
     nearest = max(effects, key=lambda e: inclusion[e])

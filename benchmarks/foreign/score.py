@@ -22,6 +22,7 @@ HELD = {"outside:distal_gain": "sensor_gain", "outside:damped_distal": "distal_d
 """Kinds outside the generators' list that the catalogue of effects holds."""
 
 WAVEFORM = "aortic_waveform"
+"""The effect that an aortic waveform of another family is."""
 
 VISIBLE = 3.0
 """Visibility λ from which an effect can be asked for."""

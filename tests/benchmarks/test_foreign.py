@@ -16,6 +16,7 @@ from benchmarks.foreign.form import EffectForm
 from benchmarks.foreign.members import ForeignMember, own_solver
 from benchmarks.foreign.patient import draw_patient
 from benchmarks.foreign.schedule import truth_of
+from benchmarks.foreign.score import joined, ranked_first
 from benchmarks.foreign.visibility import Nuisances, visibility
 from benchmarks.foreign.waves import regular_plan
 from benchmarks.foreign.zerod_forms import DRAWERS as BLOCKS
@@ -326,3 +327,26 @@ def test_without_the_wheel_the_generator_says_what_to_install(monkeypatch, tmp_p
     monkeypatch.setattr(sys, "argv", call)
     assert main() == 2
     assert "pip install" in capsys.readouterr().err
+
+
+def test_a_true_waveform_beside_the_effect_is_struck_out_of_the_answer(tmp_path):
+    other = {"family": "ejection", "lambda": 90.0}
+    labels = {
+        "0000": {"truth": "inertance", "lambda": 9.0, "background": other},
+        "0001": {"truth": "inertance", "lambda": 9.0, "background": other},
+        "0002": {"truth": "none", "lambda": 0.0, "background": other},
+    }
+    alone = {"verdict": "named", "named": ["aortic_waveform"]}
+    alone["probabilities"] = {"aortic_waveform": 0.9, "unknown": 0.1}
+    both = {"verdict": "named", "named": ["inertance", "aortic_waveform"]}
+    both["probabilities"] = {"inertance+aortic_waveform": 0.8, "aortic_waveform": 0.2}
+    answers = {"0000": both, "0001": alone, "0002": alone}
+    (tmp_path / "labels.json").write_text(json.dumps({"records": labels}))
+    (tmp_path / "answers-own.json").write_text(json.dumps(answers))
+    found, hidden, waveform = joined(tmp_path, "own")
+    assert found["named"] == ["inertance"]
+    assert ranked_first(found) == "inertance"
+    assert hidden["verdict"] == "no_gap"
+    assert hidden["probabilities"] == {"none": 0.9, "unknown": 0.1}
+    assert waveform["truth"] == "aortic_waveform"
+    assert waveform["named"] == ["aortic_waveform"]

@@ -3,25 +3,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from diagnosis import diagnose, find_effect, measured, stacked
+from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
 from diagnosis.circuit import FROM_SAMPLES, PHASE
 from diagnosis.engine import base_start
-from diagnosis.inlet import leads, with_free_inlet, with_inlet
+from diagnosis.inlet import inlet_rms, leads, recorded_waveform, with_free_inlet, with_inlet
 from diagnosis.measured import whitener_of
-from diagnosis.resolution import HARMONICS
+from diagnosis.prediction import OWN, base_circuit, condition_settings
 from diagnosis.shrink import held_out_gap
 from lumped import MMHG
 from tests.diagnosis.records import synthetic
-
-COUNT = 2 * HARMONICS + 1
 
 # a late second peak and a slower fall, 5 mmHg: no bell of the catalogue has this shape
 OTHER = 5.0 * MMHG * (np.sin(4.0 * np.pi * PHASE + 0.4) + 0.6 * np.cos(6.0 * np.pi * PHASE))
 
 
-def freed(record):
+def freed(record, later=0.0):
     batch = with_inlet(stacked([measured(record)]))
-    return with_free_inlet(batch, jnp.asarray(base_start(batch)), jnp.zeros(1))
+    return with_free_inlet(batch, jnp.asarray(base_start(batch)), jnp.full(1, later))
 
 
 def test_free_inlet_is_the_recorded_less_the_assumed_pressure():
@@ -53,7 +51,24 @@ def test_a_place_for_the_inlet_changes_nothing():
         whitener_of(jax.tree.map(lambda leaf: leaf[0], one))(y) for one in (batch, given)
     )
     np.testing.assert_allclose(second, first, atol=1e-9)
-    assert with_inlet(given) is given
+
+
+def test_the_form_recorded_gives_the_circuit_of_the_free_inlet():
+    batch = freed(synthetic({}, seed=4, inlet=OTHER), later=0.02)
+    record = jax.tree.map(lambda leaf: leaf[0], batch)
+    effect = recorded_waveform(find_effect(CATALOGUE, "aortic_waveform"), record)
+    size = jnp.asarray(inlet_rms(record) / MMHG)
+    own, cases = jnp.zeros(OWN), condition_settings(record)
+    for c in range(4):
+        case = jax.tree.map(lambda leaf, c=c: leaf[c], cases)
+        free = base_circuit(case, own)
+        assumed = base_circuit(case._replace(inlet=None, squeeze_delay=None), own)
+        told = effect.change(assumed, size)
+        np.testing.assert_allclose(told.P_inlet, free.P_inlet, rtol=1e-12)
+        # one shifts the samples, the other 40 harmonics of them
+        assert jnp.abs(told.P_LV - free.P_LV).max() < 0.02 * free.P_LV.max()
+        none = effect.change(assumed, jnp.zeros(()))
+        np.testing.assert_allclose(none.P_LV, assumed.P_LV, atol=1e-12 * free.P_LV.max())
 
 
 def test_a_forcing_leads_at_the_inlet_alone_or_beside():

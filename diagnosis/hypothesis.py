@@ -139,12 +139,7 @@ def fit_hypothesis(
     def seen(case: ConditionSettings, own: Array) -> Array:
         return observations(beat(case, own), measured.n_sensors)
 
-    plain = by_condition(seen, cases, chooser)
-
-    def slopes(x: Array) -> tuple[Array, Array]:
-        value, J = plain(x)
-        return W(value), W.columns(J)
-
+    slopes = whitened_by_condition(seen, W, cases, chooser)
     observed = W(data)
     optimum, value, _ = descend(slopes, observed, start)
     cost = jnp.sum((observed - value) ** 2) + jnp.sum(optimum**2)
@@ -344,6 +339,22 @@ def by_condition(
     def slopes(x: Array) -> tuple[Array, Array]:
         value, J = jax.vmap(one)(cases, chooser @ x)
         return value, jnp.einsum("cdo,cok->cdk", J, chooser)
+
+    return slopes
+
+
+def whitened_by_condition(
+    model: Callable[[ConditionSettings, Array], Array],
+    W: Whitener,
+    cases: ConditionSettings,
+    chooser: Float[Array, "c o k"],
+) -> Callable[[Array], tuple[Array, Array]]:
+    """What `by_condition` gives, whitened."""
+    plain = by_condition(model, cases, chooser)
+
+    def slopes(x: Array) -> tuple[Array, Array]:
+        value, J = plain(x)
+        return W(value), W.columns(J)
 
     return slopes
 

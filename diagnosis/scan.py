@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from diagnosis.effects import Effect
 from diagnosis.evidence import Whitened, log_moment
-from diagnosis.hypothesis import Catalogue, by_condition
+from diagnosis.hypothesis import Catalogue, whitened_by_condition
 from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
@@ -58,9 +58,9 @@ def linearise(
     def seen(case: ConditionSettings, own: Array) -> Array:
         return observations(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors)
 
-    value, J = by_condition(seen, cases, chooser)(joined)
-    k, J = n_unknowns(measured), W.columns(J)
-    residual = W(data_of(measured) - value)
+    value, J = whitened_by_condition(seen, W, cases, chooser)(joined)
+    k = n_unknowns(measured)
+    residual = W(data_of(measured)) - value
     linear = Whitened(residual + J[..., :k] @ x[:k], J[..., :k])
     return Linearised(linear, J[..., k:] * numbers.sd[None, None])
 

@@ -1,10 +1,12 @@
 """Cases on workers of Dask: a cluster of this machine, or a scheduler that is at work elsewhere.
 
 A case that a lost worker ran is submitted again by the cohort. Workers of this machine take one
-case at a time and have a core each; those of another scheduler as it was set up. A case whose task
-is no longer wanted, since the cohort was interrupted or its process is gone, is ended in order.
+case at a time and have a core each; those of another scheduler as it was set up. The process that a
+worker begins for a case takes its later ones too, and leaves where none comes. A case whose task is
+no longer wanted, since the cohort was interrupted or its process is gone, is ended in order.
 """
 
+import contextlib
 import logging
 import pathlib
 from collections.abc import Callable, Sequence
@@ -14,7 +16,7 @@ from typing import Any
 import dask.config
 import distributed
 
-from study.run.case_call import CaseCall, Wish, cores
+from study.run.case_call import CaseCall, CaseProcess, Wish, cores
 from study.run.executor_choice import ExecutorChoice
 from study.run.executors import ExecutorRefused
 
@@ -26,7 +28,12 @@ _BARE: dict[str, Any] = {
 _OURS = {
     "distributed.scheduler.allowed-failures": 0,  # the cohort counts itself
     "distributed.scheduler.worker-saturation": 1.0,  # no case waits at a worker that may be lost
+    # a worker that was lost comes back; one that was away when this time ended never would
+    "distributed.deploy.lost-worker-timeout": "365 days",
 }
+
+_FREE: list[CaseProcess] = []
+"""Processes of this worker that are at no case."""
 
 
 def opened(
@@ -64,6 +71,7 @@ class DaskWorkers(Executor):
         client: distributed.Client,
         cluster: distributed.LocalCluster | None = None,
         own: Sequence[int] = (),
+        settings: contextlib.ExitStack | None = None,
     ):
         """Nothing is at work yet.
 
@@ -71,8 +79,10 @@ class DaskWorkers(Executor):
             client: of the scheduler; closed at the end.
             cluster: closed at the end as well.
             own: cores of the workers in their order, where these are numbered.
+            settings: of Dask for this cluster, undone at the end.
         """
         self._client, self._cluster, self._own = client, cluster, tuple(own)
+        self._settings = settings or contextlib.ExitStack()
         self._calls = client.get_executor(pure=False)
 
     @classmethod
@@ -82,16 +92,18 @@ class DaskWorkers(Executor):
         Args:
             workers: its number of workers, each a process.
         """
-        with dask.config.set(_OURS):
+        own = cores()
+        with contextlib.ExitStack() as settings:
+            settings.enter_context(dask.config.set(_OURS))
             cluster = distributed.LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 silence_logs=logging.ERROR,
                 **_BARE,
             )
-        client = distributed.Client(cluster, set_as_default=False)
-        own = cores()
-        return cls(client, cluster, [own[k % len(own)] for k in range(workers)])
+            client = distributed.Client(cluster, set_as_default=False)
+            kept = settings.pop_all()
+        return cls(client, cluster, [own[k % len(own)] for k in range(workers)], kept)
 
     @property
     def cluster(self) -> distributed.LocalCluster | None:
@@ -119,6 +131,7 @@ class DaskWorkers(Executor):
         self._client.close()
         if self._cluster is not None:
             self._cluster.close()
+        self._settings.close()
 
 
 def run_on_worker(call: CaseCall, own: Sequence[int]) -> int:
@@ -137,4 +150,11 @@ def run_on_worker(call: CaseCall, own: Sequence[int]) -> int:
         task = worker.state.tasks.get(key)
         return Wish.END if task is None or task.state == "cancelled" else Wish.RUN
 
-    return call(core, wish)
+    try:
+        process = _FREE.pop()
+    except IndexError:
+        process = CaseProcess(core)
+    try:
+        return process.run(call, wish)
+    finally:
+        _FREE.append(process)

@@ -11,9 +11,9 @@ import pathlib
 import queue
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from typing import Any
+from typing import Any, cast
 
-from study.run.case_call import INTERRUPTED, Wish, cores
+from study.run.case_call import INTERRUPTED, CaseCall, CaseProcess, Wish, cores
 from study.run.executor_choice import ExecutorChoice
 
 
@@ -67,7 +67,7 @@ def opened_executor(
 
 
 class LocalProcesses(Executor):
-    """Child processes of this one; more than one at a time have a core each."""
+    """Child processes of this one, each for case after case; if several, each has a core."""
 
     def __init__(self, workers: int | None = None):
         """Nothing is at work yet.
@@ -77,9 +77,12 @@ class LocalProcesses(Executor):
         """
         own = cores()
         count = max(1, workers or len(own))
-        self._free: queue.SimpleQueue[int | None] = queue.SimpleQueue()
-        for k in range(count):
-            self._free.put(own[k % len(own)] if count > 1 else None)
+        self._processes = [
+            CaseProcess(own[k % len(own)] if count > 1 else None) for k in range(count)
+        ]
+        self._free: queue.LifoQueue[CaseProcess] = queue.LifoQueue()
+        for process in reversed(self._processes):
+            self._free.put(process)
         self._pool = ThreadPoolExecutor(count)
         self._wish = Wish.RUN
 
@@ -91,7 +94,7 @@ class LocalProcesses(Executor):
             args: none.
             kwargs: none.
         """
-        return self._pool.submit(self._run, fn)
+        return self._pool.submit(self._run, cast(CaseCall, fn))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End; a second interrupt ends at once what is at work.
@@ -107,12 +110,15 @@ class LocalProcesses(Executor):
         except BaseException:
             self._wish = Wish.KILL
             raise
+        if wait:
+            for process in self._processes:
+                process.end()
 
-    def _run(self, call: Callable[..., int]) -> int:
+    def _run(self, call: CaseCall) -> int:
         if self._wish is not Wish.RUN:
             return INTERRUPTED
-        core = self._free.get()
+        process = self._free.get()
         try:
-            return call(core, lambda: self._wish)
+            return process.run(call, lambda: self._wish)
         finally:
-            self._free.put(core)
+            self._free.put(process)

@@ -1,6 +1,7 @@
 """Cases side by side in the 0D mode: one of them at fault, resumed, changed."""
 
 import json
+import os
 import re
 
 import pytest
@@ -118,20 +119,24 @@ def test_interrupted_children_are_ended(folder, tmp_path):
 
 
 _DEAF_AT_FIRST = """
-import pathlib, signal, sys, time
+import pathlib, signal, time
+from study.cli.case_process import serve
 def drop(*_):
     signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGINT, drop)
-folder = pathlib.Path(sys.argv[-1])
-(folder / "begun").touch()
-time.sleep(20.0)
-(folder / "result.json").touch()
+def run(words):
+    signal.signal(signal.SIGINT, drop)
+    folder = pathlib.Path(words[-1])
+    (folder / "begun").touch()
+    time.sleep(20.0)
+    (folder / "result.json").touch()
+    return 0
+serve(run)
 """
 
 
 def test_interrupt_that_a_child_drops_is_sent_again(folder, tmp_path, monkeypatch):
     (tmp_path / "deaf_at_first.py").write_text(_DEAF_AT_FIRST)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     monkeypatch.setattr("study.run.case_call.CHILD", "deaf_at_first")
     member = find_members(folder, tmp_path)[0]
 

@@ -12,7 +12,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 
 import pytest
 
-from study.run.cohort import MOST_AGAIN, gathered, run_cohort
+from study.run.cohort import MOST_AGAIN, case_call, gathered, run_cohort
 from study.run.executor_choice import executor_choice, slurm_minutes
 from study.run.executors import LocalProcesses, opened_executor
 from study.run.members import find_members
@@ -21,23 +21,30 @@ from tests.study.least_case import LEAST_CASE
 
 _STEPS = 12
 _STUB = f"""
-import json, os, pathlib, signal, sys, time
-signal.signal(signal.SIGINT, lambda *_: sys.exit(130))
-case, folder = pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[-1])
-done = folder / "done.txt"
-with open(folder / "processes.txt", "a") as file:
-    file.write(f"{{os.getpid()}} {{os.getppid()}}\\n")
-for step in range(len(done.read_bytes()) if done.exists() else 0, {_STEPS}):
-    time.sleep(0.1)
-    if os.getppid() == 1:
-        sys.exit(130)
-    with open(done, "ab") as file:
-        file.write(b".")
-steps = len(done.read_bytes())
-found = {{"format": "jaxfsi 2", "kind": "run", "case": case.read_text(), "steps": steps}}
-part = folder / "part"
-part.write_text(json.dumps(found))
-part.rename(folder / "result.json")
+import json, os, pathlib, sys, time
+from study.cli.case_process import serve
+
+def run(words):
+    case, folder = pathlib.Path(words[1]), pathlib.Path(words[-1])
+    done = folder / "done.txt"
+    with open(folder / "processes.txt", "a") as file:
+        file.write(f"{{os.getpid()}} {{os.getppid()}}\\n")
+    print("counting", case)
+    try:
+        for step in range(len(done.read_bytes()) if done.exists() else 0, {_STEPS}):
+            time.sleep(0.1)
+            with open(done, "ab") as file:
+                file.write(b".")
+    except KeyboardInterrupt:
+        return 130
+    steps = len(done.read_bytes())
+    found = {{"format": "jaxfsi 2", "kind": "run", "case": case.read_text(), "steps": steps}}
+    part = folder / "part"
+    part.write_text(json.dumps(found))
+    part.rename(folder / "result.json")
+    return 0
+
+sys.exit(serve(run))
 """
 """Stands for the command of a case: counts twelve steps, and goes on where it was ended."""
 
@@ -109,11 +116,49 @@ def test_local_case_killed_three_times_goes_on(members):
     assert [len(_processes(member)) for member in members[1:]] == [1, 1]
 
 
+def test_process_takes_case_after_case_and_gives_the_same(members):
+    results = run_cohort(members, "curve", executor=LocalProcesses(1))
+    assert _documents(results) == _wanted(members)
+    processes = {process for member in members for process, _ in _processes(member)}
+    assert len(processes) == 1
+    assert not pathlib.Path(f"/proc/{processes.pop()}").exists()
+    for member in members:  # each has its own log
+        assert (member.folder / "log.txt").read_text() == f"counting {member.path}\n"
+
+
+def test_process_that_was_killed_between_cases_is_followed_by_another(members):
+    with LocalProcesses(1) as place:
+        for member in members[:2]:
+            assert place.submit(case_call(member, "curve", ())).result() == 0
+            ((process, _),) = _processes(member)
+            os.kill(process, signal.SIGKILL)
+            while pathlib.Path(f"/proc/{process}/stat").read_text().split()[2] != "Z":
+                time.sleep(0.05)
+    assert len({_processes(member)[-1] for member in members[:2]}) == 2
+
+
+@pytest.mark.parametrize("limit", ["MOST_CASES = 1", "MOST_MEMORY = 1"])
+def test_process_that_has_grown_or_grown_old_is_followed_by_another(members, tmp_path, limit):
+    stub = tmp_path / "counting_case.py"
+    stub.write_text(f"import study.cli.case_process as p\np.{limit}\n{stub.read_text()}")
+    results = run_cohort(members[:2], "curve", executor=LocalProcesses(1))
+    assert _documents(results) == _wanted(members[:2])
+    assert len({_processes(member)[-1] for member in members[:2]}) == 2
+
+
+def test_process_that_ends_without_an_answer_has_not_finished_its_case(members, tmp_path):
+    (tmp_path / "counting_case.py").write_text("import sys; sys.exit('no such thing')")
+    (result,) = run_cohort(members[:1], "curve", executor=LocalProcesses(1))
+    assert result.status == 1
+    assert result.reason == "no such thing"
+
+
 def test_case_that_is_killed_each_time_ends_with_a_sentence(members):
     results, killed = _with_kills(members[:1], 10, executor=LocalProcesses(1))
     assert len(killed) == MOST_AGAIN + 1
     assert results[0].status == -signal.SIGKILL
-    assert results[0].reason == "submitted 4 times and lost each time: ended by signal 9."
+    lost = "submitted 4 times and lost each time: ended by signal 9."
+    assert results[0].reason == f"{lost} counting {members[0].path}"
     again = run_cohort(members[:1], "curve")
     assert _documents(again) == _wanted(members[:1])
 
@@ -170,12 +215,17 @@ def _dask(tmp_path, workers):
 def test_dask_gives_the_same(members, tmp_path):
     results = run_cohort(members, "curve", executor=_dask(tmp_path, 2))
     assert _documents(results) == _wanted(members)
+    # two workers, each with one process for all its cases
+    assert len({process for member in members for process, _ in _processes(member)}) <= 2
 
 
 @pytest.mark.filterwarnings("default")
 def test_killed_dask_worker_loses_nothing(members, tmp_path):
-    executor = _dask(tmp_path, 1)
-    results, killed = _with_kills(members, 3, executor=executor, parent=True)
+    dask = pytest.importorskip("dask", reason="Dask is not installed")
+    # as where the next worker takes longer to start than Dask waits for one by default
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1s"}):
+        executor = _dask(tmp_path, 1)
+        results, killed = _with_kills(members, 3, executor=executor, parent=True)
     assert len(killed) == 3
     assert _documents(results) == _wanted(members)
     workers = {parent for _, parent in _processes(members[0])}

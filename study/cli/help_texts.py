@@ -173,8 +173,10 @@ examples:
   jaxfsi import-record rest=export1.txt dobutamine=export2.txt --columns time=0,aortic=2,distal=4
   jaxfsi import-record p7_rest.csv --unit kPa --span rest=20:50
   jaxfsi import-record p7_rest.csv p7_dobu.csv p7_equal.csv    wire beside the catheter at the end
+  jaxfsi import-record rest=IM0001.dcm dobutamine=IM0002.dcm --id p7     needs jaxfsi[dicom]
 
-FILE is text as the console exports it: any separator, decimal commas, header lines. Its name says
+FILE is text as the console exports it: any separator, decimal commas, header lines; or DICOM
+(Hemodynamic Waveform Storage), whose patient's name and number are not read. Its name says
 the condition (..._rest, ..._ade, ..._dobu, ..._equal). Beats are found in the aortic pressure;
 extrasystoles and damaged beats are left out. Writes record.toml and a CSV file of whole beats for
 each condition (for diagnose), conditions.toml and mean beats (for a case file), and beats.png,

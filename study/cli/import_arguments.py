@@ -16,15 +16,15 @@ def import_arguments(command: argparse.ArgumentParser) -> None:
         "files",
         nargs="+",
         metavar="FILE",
-        help="export of one condition, in the order of measurement; NAME=FILE where its name does "
-        "not say it",
+        help="export of one condition, text or DICOM, in the order of measurement; NAME=FILE where "
+        "its name does not say it",
     )
     command.add_argument(
         "--columns",
         type=columns,
         metavar="MAP",
-        help="columns by number, from 0, or name: time=0,aortic=2,distal=4 (and flow, in mL/min); "
-        "default: by their names",
+        help="columns by number, from 0 (DICOM: channels from 1), or name: "
+        "time=0,aortic=2,distal=4 (and flow, in mL/min); default: by their names",
     )
     command.add_argument(
         "--unit", choices=tuple(PRESSURE_UNITS), help="of pressures; default: as the header says"

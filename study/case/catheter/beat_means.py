@@ -20,7 +20,7 @@ import dataclasses
 import numpy as np
 
 from study.case.catheter.beats import FoundBeats, find_beats
-from study.case.catheter.trace import CatheterTrace
+from study.case.catheter.samples import CatheterTrace
 
 PHASES = 128
 _RESPIRATION = (0.1, 0.6)

@@ -15,8 +15,8 @@ import dataclasses
 
 import numpy as np
 
+from study.case.catheter.samples import CatheterTrace
 from study.case.catheter.table import refusal
-from study.case.catheter.trace import CatheterTrace
 from study.case.onsets import find_upstrokes
 
 SHORTEST_PERIOD, LONGEST_PERIOD = 0.27, 2.0

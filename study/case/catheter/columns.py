@@ -164,7 +164,8 @@ def _mapped(table: ConsoleTable, role: str, place: str) -> int:
 
 
 def _recognised(table: ConsoleTable, role: str) -> int | None:
-    found = [k for k, name in enumerate(table.header) if _is_named(name, role)]
+    found = [k for k, said in enumerate(table.roles) if said == role]
+    found = found or [k for k, name in enumerate(table.header) if _is_named(name, role)]
     if len(found) > 1:
         names = ", ".join(f"{k}: {table.header[k]}" for k in found)
         cure = f"choose one, such as --columns {role}={found[0]}"

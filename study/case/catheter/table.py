@@ -43,6 +43,7 @@ class ConsoleTable:
         values: rows × columns, NaN where there is no number.
         lines: line of the file of each row, from 1.
         remarks: what was left out or read in an unusual way, in sentences.
+        roles: what the file itself says that each column holds, by a code; empty: it does not.
     """
 
     path: pathlib.Path
@@ -51,6 +52,7 @@ class ConsoleTable:
     values: np.ndarray
     lines: np.ndarray
     remarks: tuple[str, ...]
+    roles: tuple[str, ...] = ()
 
 
 def refusal(
@@ -103,7 +105,7 @@ def read_console_table(path: pathlib.Path) -> ConsoleTable:
 
 
 def _text(path: pathlib.Path) -> str:
-    cure = "give the CSV or text file that the console exports"
+    cure = "give the text (CSV) or DICOM file that the console exports"
     try:
         if path.is_dir():
             raise refusal(path, "this is a folder", "name the files in it, such as DIR/*.csv")

@@ -1,12 +1,13 @@
-"""Clean samples of one file: ascending times, pressures in mmHg, lost samples left out."""
+"""Reads the samples of one file: ascending times, pressures in mmHg, lost samples left out."""
 
-import dataclasses
 import pathlib
-from collections.abc import Mapping
 
 import numpy as np
 
 from study.case.catheter.columns import ChosenColumns, ExportFormat, choose_columns
+from study.case.catheter.dicom_channels import is_dicom
+from study.case.catheter.dicom_table import read_dicom_table
+from study.case.catheter.samples import CatheterTrace
 from study.case.catheter.table import ConsoleTable, read_console_table, refusal
 from study.case.catheter.units import PRESSURE_UNITS
 from study.case.faults import shown
@@ -31,41 +32,6 @@ _TWINS_SHARE = 0.02
 _WINDOW = 5
 
 
-@dataclasses.dataclass(frozen=True)
-class CatheterTrace:
-    """Samples of one file.
-
-    Attributes:
-        path: the file.
-        t: times [s], ascending.
-        waves: samples of `P_aorta`, `P_distal` [mmHg] and where recorded `Q_coronary` [mL/min].
-        step: usual step [s].
-        remarks: what was left out, in sentences.
-        columns: names of the columns in the file, by what they hold.
-    """
-
-    path: pathlib.Path
-    t: np.ndarray
-    waves: dict[str, np.ndarray]
-    step: float
-    remarks: tuple[str, ...]
-    columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
-
-    def within(self, span: tuple[float, float]) -> "CatheterTrace":
-        """The samples between two times [s].
-
-        Raises:
-            CaseError: there are too few.
-        """
-        kept = (self.t >= span[0]) & (self.t <= span[1])
-        if kept.sum() < 2:
-            problem = f"no samples from {span[0]:g} s to {span[1]:g} s"
-            cure = f"choose a span within {self.t[0]:g} s to {self.t[-1]:g} s"
-            raise refusal(self.path, problem, cure, key="--span")
-        waves = {name: wave[kept] for name, wave in self.waves.items()}
-        return dataclasses.replace(self, t=self.t[kept], waves=waves)
-
-
 def read_trace(path: pathlib.Path, given: ExportFormat) -> CatheterTrace:
     """Read the traces of a file.
 
@@ -76,7 +42,8 @@ def read_trace(path: pathlib.Path, given: ExportFormat) -> CatheterTrace:
     Raises:
         CaseError: it holds no usable traces; the first fault in a sentence.
     """
-    table = read_console_table(path)
+    dicom = is_dicom(path)
+    table = read_dicom_table(path, given) if dicom else read_console_table(path)
     chosen = choose_columns(table, given)
     remarks = list(table.remarks)
     t, kept = _times(table, chosen, given, remarks)

@@ -11,8 +11,9 @@ from study.case.catheter.beats import find_beats
 from study.case.catheter.columns import ExportFormat, column_map
 from study.case.catheter.drift import wire_drift
 from study.case.catheter.named_files import CHECK, common_stem, named_files
+from study.case.catheter.samples import CatheterTrace
 from study.case.catheter.table import read_console_table
-from study.case.catheter.trace import CatheterTrace, read_trace
+from study.case.catheter.trace import read_trace
 from tests.study.catheter_minutes import Minute, export, minute
 
 

@@ -1,5 +1,6 @@
 """`import-record`: files of every console become a record, or one sentence says why not."""
 
+import importlib
 import json
 import pathlib
 import tomllib
@@ -167,3 +168,112 @@ def test_faults_of_several_files_are_told_together(command, tmp_path, text):
     missing = command("import-record", tmp_path / "none_rest.csv", folder=tmp_path / "out")
     assert missing.status == 2
     assert "No such file" in missing.stderr
+
+
+def _dicom():
+    reason = "needs pydicom: pip install 'jaxfsi[dicom]'"
+    pytest.importorskip("pydicom", reason=reason)
+    return importlib.import_module("tests.study.dicom_minutes")
+
+
+def test_a_dicom_file_gives_the_record_of_the_same_samples_as_text(command, tmp_path):
+    dicom = _dicom()
+    columns = minute(4, rate=200.0).columns
+    waves = (
+        dicom.Wave("II", np.zeros(columns["time"].size), unit="mV"),
+        dicom.Wave("P1", columns["p_aortic"], source=("128444004", "Aortic pressure waveform")),
+        dicom.Wave("P2", columns["p_distal"], modifiers=("Distal right coronary artery",)),
+    )
+    dicom.write_waveforms(tmp_path / "c_rest.dcm", dicom.Group(waves, rate=200.0))
+    rounded = {
+        "time": columns["time"],
+        "p_aortic": dicom.decoded(waves[1]),
+        "p_distal": dicom.decoded(waves[2]),
+    }
+    _written(tmp_path, "c_rest.csv", export(rounded))
+    found = {}
+    for suffix in ("dcm", "csv"):
+        ended = command(
+            "import-record", tmp_path / f"c_rest.{suffix}", "--json", folder=tmp_path / suffix
+        )
+        assert ended.status == 0, ended.stderr
+        found[suffix] = ended.json["conditions"][0]
+        # nothing of the patient but the name of the file
+        written = [path.read_bytes() for path in (tmp_path / suffix).iterdir()]
+        for word in ("Zweistein", "Frieda", "4711", "20101224", "20261101", "Curie"):
+            assert word not in ended.stdout + ended.stderr
+            assert not any(word.encode() in content for content in written)
+    assert found["dcm"].keys() == found["csv"].keys()
+    assert found["dcm"]["beats_used"] == found["csv"]["beats_used"]
+    for key in ("period_s", "mean_P_aorta_mmHg", "mean_P_distal_mmHg", "ratio", "delay_s"):
+        assert found["dcm"][key] == pytest.approx(found["csv"][key], rel=1e-6, abs=1e-6)
+    rows = {
+        suffix: np.loadtxt(tmp_path / suffix / "rest.csv", delimiter=",", skiprows=1)
+        for suffix in found
+    }
+    # the text is rounded to 0.001 mmHg and 0.001 s
+    np.testing.assert_allclose(rows["dcm"], rows["csv"], atol=1.1e-3)
+
+
+def _ecg_only(dicom, columns):
+    return dicom.Group((dicom.Wave("II", columns["p_aortic"], unit="mV"),))
+
+
+def _pressures(dicom, columns, **aortic):
+    distal = dicom.Wave("Pd", columns["p_distal"])
+    return dicom.Group((dicom.Wave("Ao", columns["p_aortic"], **aortic), distal))
+
+
+DAMAGED = {
+    "ECG alone": (_ecg_only, "it holds no pressure; its channels are II (mV)"),
+    "unknown unit": (
+        lambda d, c: _pressures(d, c, unit="cm[H2O]"),
+        "channel Ao: its unit is cm[H2O]; known are mm[Hg] and kPa",
+    ),
+    "no unit": (lambda d, c: _pressures(d, c, unit=None), "channel Ao: it has no unit"),
+    "no sensitivity": (
+        lambda d, c: _pressures(d, c, sensitivity=None),
+        "channel Ao: it has no sensitivity (003A,0210)",
+    ),
+    "no rate": (
+        lambda d, c: _pressures(d, c)._replace(rate=None),
+        "no sampling frequency (003A,001A)",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", [*DAMAGED, "truncated", "no DICOM", "another class", "--rate"])
+def test_one_sentence_refuses_a_dicom_file_of_no_use(command, tmp_path, kind):
+    dicom = _dicom()
+    columns, path = minute(0, seconds=20.0).columns, tmp_path / "c_rest.dcm"
+    make, word = DAMAGED.get(kind, (_pressures, ""))
+    dicom.write_waveforms(path, make(dicom, columns))
+    more = []
+    if kind == "truncated":
+        path.write_bytes(path.read_bytes()[:-3000])
+        word = "it breaks off: 1250 of 2000 samples are there"
+    elif kind == "no DICOM":
+        path.write_text(export(columns))
+        word = "this is no DICOM file"
+    elif kind == "another class":
+        ecg = "1.2.840.10008.5.1.4.1.1.9.1.2"
+        dicom.write_waveforms(path, _ecg_only(dicom, columns), sop_class=ecg)
+        word = "it is General ECG Waveform, not Hemodynamic Waveform"
+    elif kind == "--rate":
+        more, word = ["--rate", "100"], "--rate = 100: a DICOM file says its own times"
+    ended = command("import-record", path, *more, folder=tmp_path / "out")
+    assert ended.status == 2, ended.stdout
+    assert word in ended.stderr
+    assert ended.stderr.startswith("the input was refused: 1 fault\n")
+    assert ended.stderr.count("\n") == 3
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_pydicom_a_dicom_file_says_how_to_install_it(command, tmp_path, monkeypatch):
+    path = tmp_path / "c_rest.dcm"
+    path.write_bytes(b"\0" * 128 + b"DICM")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name, package=None: None)
+    ended = command("import-record", path, folder=tmp_path / "out")
+    assert ended.status == 2
+    assert "need the package pydicom" in ended.stderr
+    assert "pip install 'jaxfsi[dicom]'" in ended.stderr

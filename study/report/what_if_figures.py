@@ -11,6 +11,10 @@ from study.report.style import COLOURS, GREY, STYLE, legend_below, svg
 
 Document = Mapping[str, Any]
 
+_WIDE, _HIGH, _LEAST_HIGH = 3.7, 1.45, 0.4  # panels [in]
+_LABELLED = 0.12
+"""Share of the axis from which on the part within the aorta is named."""
+
 
 def what_if_figures(document: Document) -> dict[str, str]:
     """Lumen, area and minor axis along the artery, a figure for each side."""
@@ -27,12 +31,15 @@ def what_if_figures(document: Document) -> dict[str, str]:
 
 def _side(side: Document, name: str, limits: Mapping[str, float], colour: str) -> str:
     s = np.array(side["s_mm"])
+    # the lumen has one scale on both axes: its panel is as high as it is wide by these limits
+    high = _WIDE * limits["major_axis_mm"] / limits["s_mm"]
+    heights = (max(high, _LEAST_HIGH), _HIGH, _HIGH)
     with rc_context(STYLE):
-        figure = Figure(figsize=(4.9, 6.2), layout="constrained")
-        drawn, area, minor = figure.subplots(3, 1, sharex=True, height_ratios=(1.1, 1.0, 1.0))
+        figure = Figure(figsize=(_WIDE + 0.7, sum(heights) + 1.4), layout="constrained")
+        drawn, area, minor = figure.subplots(3, 1, sharex=True, height_ratios=heights)
         for key, shade, words in (
-            ("major_axis_mm", 0.25, "seen on its major axis"),
-            ("minor_axis_mm", 0.8, "seen on its minor axis"),
+            ("major_axis_mm", 0.25, "on its major axis"),
+            ("minor_axis_mm", 0.8, "on its minor axis"),
         ):
             half = np.array(side[key]) / 2.0
             drawn.fill_between(s, -half, half, color=colour, alpha=shade, linewidth=0, label=words)
@@ -47,9 +54,13 @@ def _side(side: Document, name: str, limits: Mapping[str, float], colour: str) -
         ):
             axes.plot(s, side[key], color=colour)
             least = int(np.argmin(side[key]))
-            axes.plot(s[least], side[key][least], "o", color=GREY, markersize=4)
+            axes.plot(s[least], side[key][least], "o", color=GREY, markersize=4, clip_on=False)
             axes.set_ylim(0.0, limits[key])
             axes.set_ylabel(label)
+        for axes in (drawn, area, minor):
+            axes.axvspan(0.0, s[0], color=GREY, alpha=0.18, linewidth=0)
+        if s[0] > _LABELLED * limits["s_mm"]:
+            drawn.text(s[0] / 2.0, 0.0, "aorta", ha="center", va="center", color=GREY)
         minor.set_xlim(0.0, limits["s_mm"])
         minor.set_xlabel("distance from the ostium [mm]")
         legend_below(figure, drawn.get_legend_handles_labels()[0], most=2)

@@ -9,7 +9,7 @@ from study.case.model import Case
 from study.case.operation import WORDS
 from study.report.documents.parts import Note
 from study.report.documents.what_if import WhatIfDocument
-from study.report.number_formats import signed
+from study.report.number_formats import signed, significant
 from study.report.page import rendered, safe
 from study.report.ratio_limits import side
 from study.report.what_if_figures import what_if_figures
@@ -115,14 +115,14 @@ def _rows(document: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
         }
 
 
-def _numbers(document: Mapping[str, Any]) -> Iterator[tuple[str, str, float | None, float | None]]:
+def _numbers(document: Mapping[str, Any]) -> Iterator[tuple[str, str, str, str]]:
     """Name, unit, and value before and after of what describes the artery."""
-    before, after = document["before"], document["after"]
-    yield "length from ostium to outlet", "mm", before["length_mm"], after["length_mm"]
-    for name, key, unit in (
-        ("least area", "area_mm2", "mm²"),
-        ("least minor axis", "minor_axis_mm", "mm"),
+    sides = [document[name] for name in ("before", "after")]
+    for name, unit, values, decimals in (
+        ("length from ostium to outlet", "mm", [one["length_mm"] for one in sides], 1),
+        ("least area", "mm²", [min(one["area_mm2"]) for one in sides], 2),
+        ("least minor axis", "mm", [min(one["minor_axis_mm"]) for one in sides], 2),
     ):
-        yield name, unit, min(before[key]), min(after[key])
-    yield "R0", "dyn·s/cm⁵", before["R0"], after["R0"]
-    yield "K", "dyn·s²/cm⁸", before["K"], after["K"]
+        yield name, unit, f"{values[0]:.{decimals}f}", f"{values[1]:.{decimals}f}"
+    for name, unit in (("R0", "dyn·s/cm⁵"), ("K", "dyn·s²/cm⁸")):
+        yield name, unit, significant(sides[0][name], 4), significant(sides[1][name], 4)

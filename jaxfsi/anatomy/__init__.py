@@ -41,7 +41,13 @@ if TYPE_CHECKING:
         surface_outline,
         surface_section,
     )
-    from jaxfsi.anatomy.sources.centerline_files import longest_line, read_centerline
+    from jaxfsi.anatomy.sources.aortic_axis import AorticAxis, aortic_gap, wall_coordinates
+    from jaxfsi.anatomy.sources.centerline_files import (
+        SizedLine,
+        longest_line,
+        read_centerline,
+        read_sized_line,
+    )
     from jaxfsi.anatomy.sources.cohort import (
         PUBLISHED,
         Measures,
@@ -50,8 +56,14 @@ if TYPE_CHECKING:
         sample_anatomies,
         sample_measures,
     )
-    from jaxfsi.anatomy.sources.ct_course import AortaFit, fit_aorta
-    from jaxfsi.anatomy.sources.ivus import IvusOptions, ivus_anatomy
+    from jaxfsi.anatomy.sources.ct_course import (
+        AortaFit,
+        fit_aorta,
+        measured_aorta,
+        radius_at_ostium,
+    )
+    from jaxfsi.anatomy.sources.ivus import ivus_anatomy
+    from jaxfsi.anatomy.sources.ivus_options import IvusOptions
     from jaxfsi.anatomy.sources.opening_points import opening_points
     from jaxfsi.anatomy.sources.parameters import (
         PARAMETER_RANGES,
@@ -83,6 +95,7 @@ __all__ = [
     "PUBLISHED",
     "Anatomy",
     "AortaFit",
+    "AorticAxis",
     "ArterySections",
     "Centerline",
     "Curve",
@@ -97,6 +110,7 @@ __all__ = [
     "Published",
     "Pullback",
     "Section",
+    "SizedLine",
     "SurfaceOptions",
     "SyntheticParameters",
     "Triangles",
@@ -104,6 +118,7 @@ __all__ = [
     "VesselTube",
     "adult_anatomy",
     "anatomy_from_measures",
+    "aortic_gap",
     "at_arc_length",
     "bezier_points",
     "centerline_point",
@@ -123,14 +138,17 @@ __all__ = [
     "lumen_distance",
     "lumen_function",
     "lumen_outline",
+    "measured_aorta",
     "measured_section",
     "opening_points",
     "paediatric_anatomy",
     "parameter_faults",
     "plane_axes",
     "polar_contours",
+    "radius_at_ostium",
     "read_centerline",
     "read_pullback",
+    "read_sized_line",
     "read_triangles",
     "reimplanted",
     "requested_thickness",
@@ -151,6 +169,7 @@ __all__ = [
     "tube_foot",
     "unroofed",
     "vessel_sections",
+    "wall_coordinates",
     "wall_distance",
     "wall_function",
 ]

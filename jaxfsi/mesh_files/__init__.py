@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jaxfsi.mesh_files.markups import Markup, read_markups
     from jaxfsi.mesh_files.mesh_complete import read_mesh_complete, write_mesh_complete
     from jaxfsi.mesh_files.msh import read_msh, write_msh
-    from jaxfsi.mesh_files.polylines import PolylineFile, read_polylines, write_polylines
+    from jaxfsi.mesh_files.polylines import RADIUS, PolylineFile, read_polylines, write_polylines
     from jaxfsi.mesh_files.refusal import MeshFileError, reading, staged
     from jaxfsi.mesh_files.vtp import TriangleFile, read_vtp, write_vtp
     from jaxfsi.mesh_files.vtu import read_vtu, write_vtu
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AXES",
+    "RADIUS",
     "UNITS_CM",
     "Axes",
     "JoinedNodes",

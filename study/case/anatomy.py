@@ -81,10 +81,33 @@ class IvusAnatomy:
             text="a mesh needs it", example="centerline.csv",
         ),
     ] = None  # fmt: skip
+    aorta_centerline: Annotated[
+        pathlib.Path | None,
+        Location(
+            described="CT centre line with radii: x, y, z, radius in mm as text, or VTP",
+            text="the aorta's own course and size; needs centerline",
+            example="aorta_centerline.csv",
+        ),
+    ] = None
     aorta_radius: Annotated[
         Number | None,
         Quantity(
-            "length", "mm", 3.0, 30.0, text="radius at the ostium; a mesh needs it", example=14.0
+            "length", "mm", 3.0, 30.0, example=14.0,
+            text="of a straight aorta, in place of aorta_centerline; a mesh needs either",
+        ),
+    ] = None  # fmt: skip
+    normal_centerline: Annotated[
+        pathlib.Path | None,
+        Location(
+            described="CT centre line with radii: x, y, z, radius in mm as text, or VTP",
+            text="stem of the normal coronary; needs aorta_centerline",
+            example="left_centerline.csv",
+        ),
+    ] = None
+    normal_length: Annotated[
+        Number | None,
+        Quantity(
+            "length", "mm", 3.0, 60.0, text="of that stem, from the aorta to its cut", example=10.0
         ),
     ] = None  # fmt: skip
     septum: Annotated[
@@ -126,6 +149,12 @@ class IvusAnatomy:
     def first(self) -> IvusState:
         """The state at rest in diastole, or the first one of the file."""
         return next(iter(self.states.values()))
+
+    @property
+    def lines(self) -> list[pathlib.Path]:
+        """The files of centre lines that are there."""
+        lines = (self.centerline, self.aorta_centerline, self.normal_centerline)
+        return [line for line in lines if line is not None]
 
     @property
     def contours(self) -> pathlib.Path:

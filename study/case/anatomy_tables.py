@@ -82,8 +82,29 @@ def _ivus(
             "add contours = ... below [anatomy], or a table [anatomy.states.rest_diastole]",
             STATE[0].allowed,
         )
+    _check_lines(values, table, context)
     ordered = sorted(states.items(), key=lambda entry: entry[0] != FIRST_STATE)
     return {"states": dict(ordered), **values}
+
+
+def _check_lines(values: dict[str, Value], table: dict[str, Any], context: Context) -> None:
+    """Faults of centre lines that lack one another, or contradict a number."""
+    for name, needed in (
+        ("aorta_centerline", "centerline"),
+        ("normal_centerline", "aorta_centerline"),
+        ("normal_length", "normal_centerline"),
+    ):
+        if values[name] is not None and needed not in table:
+            key = next(k.key for k in KINDS["ivus"] if k.field == name)
+            problem = f"{needed}, beside which it has a meaning, is missing"
+            cure = f"add {needed} = ... below [anatomy], or leave {key} out"
+            context.add(f"anatomy.{key}", table.get(key), problem, cure)
+    if values["aorta_centerline"] is not None and values["aorta_radius"] is not None:
+        cure = "keep either aorta_centerline, which holds the radii, or aorta_radius_mm"
+        place = "anatomy.aorta_radius_mm"
+        context.add(
+            place, table.get("aorta_radius_mm"), "the aorta's radii are given as well", cure
+        )
 
 
 def _synthetic(

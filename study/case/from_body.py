@@ -164,7 +164,8 @@ def _sized(usual: Usual, anatomy: Any, area: float) -> Any:
             "Haycock et al. 1978, J Pediatr 93:62, from weight and height",
         )  # fmt: skip
         return dataclasses.replace(anatomy, body_surface_area_m2=area)
-    if isinstance(anatomy, IvusAnatomy) and anatomy.aorta_radius is None:
+    known = ("aorta_radius", "aorta_centerline")
+    if isinstance(anatomy, IvusAnatomy) and all(getattr(anatomy, key) is None for key in known):
         text = "radius of the aorta at the ostium"
         radius = usual.assume("anatomy.aorta_radius", "sinus_diameter", text=text, scale=0.5)
         return dataclasses.replace(anatomy, aorta_radius=radius)

@@ -158,6 +158,16 @@ def _ivus_key(key: str, name: str, why: str) -> Requirement:
     return missing
 
 
+def _aorta(case: Case) -> Fault | None:
+    anatomy = case.anatomy
+    if not isinstance(anatomy, IvusAnatomy) or anatomy.aorta_centerline is not None:
+        return None
+    if anatomy.aorta_radius is not None:
+        return None
+    cure = "add aorta_centerline = ... or aorta_radius_mm = ... below [anatomy]"
+    return Fault(case.path, "anatomy.aorta_radius_mm", None, _AORTA, "", cure)
+
+
 def _tissue(case: Case) -> Fault | None:
     anatomy = case.anatomy
     if not isinstance(anatomy, IvusAnatomy) or anatomy.septum is not None:
@@ -180,7 +190,7 @@ def _support(case: Case) -> Fault | None:
 
 
 _LINE = "the centre line is missing; it places the contours in space"
-_RADIUS = "the radius of the aorta is missing; the coronary is joined to it"
+_AORTA = "the aorta is missing; the coronary is joined to it"
 
 REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
     "run": (_rest, _rest_ffr, _resistance_for_ffr, _quadratic_loss),
@@ -189,20 +199,20 @@ REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
     "mesh": (
         _anatomy,
         _ivus_key("centerline", "centerline", _LINE),
-        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _aorta,
         _tissue,
     ),
     "calibrate-wall": (
         _contours,
         _support,
         _ivus_key("centerline", "centerline", _LINE),
-        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _aorta,
         _tissue,
     ),
     "simulate": (
         _anatomy,
         _ivus_key("centerline", "centerline", _LINE),
-        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _aorta,
         _tissue,
     ),
     "study": (
@@ -210,7 +220,7 @@ REQUIREMENTS: dict[str, tuple[Requirement, ...]] = {
         _rest_ffr,
         _anatomy,
         _ivus_key("centerline", "centerline", _LINE),
-        _ivus_key("aorta_radius_mm", "aorta_radius", _RADIUS),
+        _aorta,
         _tissue,
     ),
 }

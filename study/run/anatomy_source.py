@@ -7,8 +7,7 @@ becomes a fault of the case file.
 import dataclasses
 import math
 import pathlib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.operation import Operation
 from study.case.parameters import WallParameters
+from study.run.refusal import refusal
 
 _AORTA_RADIUS = (0.3, 4.0)
 """Radius of an opening of the aorta, from a newborn's to an aneurysm's [cm]."""
@@ -80,7 +80,7 @@ def _operated(case: Case, anatomy: Anatomy) -> Anatomy:
     """The anatomy after the operation of the case, if there is one."""
     if case.operation is None:
         return anatomy
-    with _refusal(case.path):
+    with refusal(case.path):
         match case.operation:
             case Operation(kind="unroof"):
                 return sources.unroofed(anatomy)
@@ -101,7 +101,7 @@ def case_mesh(case: Case) -> Mesh:
     anatomy = case.anatomy
     if not isinstance(anatomy, MeshAnatomy):
         raise ValueError("the case names no finished mesh. Build one from case_anatomy.")
-    with _refusal(anatomy.places[0]):
+    with refusal(anatomy.places[0]):
         if anatomy.path is not None and not anatomy.path.is_dir():
             mesh = read_mesh(anatomy.path, unit=anatomy.unit, labels=anatomy.labels)
         else:
@@ -161,7 +161,6 @@ def _folders(anatomy: MeshAnatomy) -> tuple[pathlib.Path | None, pathlib.Path | 
 def _ivus(case: Case, anatomy: IvusAnatomy, state: str) -> Anatomy:
     files = anatomy.states[state]
     assert anatomy.centerline is not None
-    assert anatomy.aorta_radius is not None
     angle = anatomy.take_off_angle
     given = {
         "aorta_below": anatomy.aorta_below,
@@ -170,20 +169,24 @@ def _ivus(case: Case, anatomy: IvusAnatomy, state: str) -> Anatomy:
         "distal_extension": anatomy.distal_extension,
         "fillet": anatomy.fillet,
         "ostium_end": anatomy.ostium_end,
+        "normal_length": anatomy.normal_length,
         **_thickness(case.wall),
     }
     if files.external_contours is not None:
         given["measured_minimum"] = case.wall.thickness_min
         given["measured_maximum"] = case.wall.thickness_max
     options = IvusOptions(**{name: value for name, value in given.items() if value is not None})
-    with _refusal(files.contours, anatomy.centerline, *files.files[1:]):
+    radius = {} if anatomy.aorta_radius is None else {"aorta_radius": anatomy.aorta_radius}
+    with refusal(files.contours, *anatomy.lines, *files.files[1:]):
         return sources.ivus_anatomy(
             files.contours,
             anatomy.centerline,
             frame_table=files.frame_table,
             reference=files.reference_point,
             state=state,
-            aorta_radius=anatomy.aorta_radius,
+            **radius,
+            aorta_centerline=anatomy.aorta_centerline,
+            normal_centerline=anatomy.normal_centerline,
             septum=anatomy.septum,
             external=files.external_contours,
             options=options,
@@ -199,7 +202,7 @@ def _synthetic(case: Case, anatomy: SyntheticAnatomy) -> Anatomy:
     faults = sources.parameter_faults(parameters)
     if faults:
         raise CaseError([_parameter_fault(case, fault) for fault in faults])
-    with _refusal(case.path):
+    with refusal(case.path):
         return sources.synthetic_anatomy(parameters)
 
 
@@ -219,7 +222,7 @@ def _surface(case: Case, anatomy: SurfaceAnatomy) -> Anatomy:
     options = SurfaceOptions(**{name: value for name, value in given.items() if value is not None})
     cuts = {n: Cut(cut.centre, cut.normal, cut.radius) for n, cut in anatomy.cuts.items()}
     names = named_openings(anatomy)
-    with _refusal(*anatomy.files):
+    with refusal(*anatomy.files):
         return sources.surface_anatomy(
             anatomy.surface,
             unit=anatomy.unit,
@@ -238,7 +241,7 @@ def named_openings(anatomy: SurfaceAnatomy) -> Mapping[str, Sequence[float]]:
     """
     if anatomy.openings_file is None:
         return anatomy.openings
-    with _refusal(*anatomy.files):
+    with refusal(*anatomy.files):
         return sources.opening_points(
             anatomy.openings_file,
             unit=anatomy.unit,
@@ -275,26 +278,3 @@ def _check_thickness(case: Case, anatomy: Anatomy) -> None:
     ]
     if faults:
         raise CaseError(faults[:1])
-
-
-@contextmanager
-def _refusal(file: pathlib.Path, *others: pathlib.Path) -> Iterator[None]:
-    """Turn the refusal of a source into a fault of the file that it names, else of the first."""
-    try:
-        yield
-    except CaseError:
-        raise
-    except ValueError as error:
-        named = [other for other in others if str(error).startswith(f"{other}: ")]
-        raise CaseError([file_fault((*named, file)[0], error)]) from error
-
-
-def file_fault(file: pathlib.Path, error: Exception) -> Fault:
-    """An error in two parts, "what happened. What to try.", as a fault of a file."""
-    text = " ".join(str(error).split())
-    for place in (f"{file}: ", f"{file} "):
-        text = text.removeprefix(place)
-    problem, _, cure = text.rstrip(".").rpartition(". ")
-    if not problem:
-        problem, cure = cure, "correct the file, or what the case says of it"
-    return Fault(file, "", None, problem, "", cure[:1].lower() + cure[1:])

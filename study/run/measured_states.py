@@ -17,7 +17,7 @@ from lumped.units import MM, MMHG
 from study.case.anatomy import IvusAnatomy, IvusState
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
-from study.run.anatomy_source import file_fault
+from study.run.refusal import file_fault
 
 LEAST_FRAMES = 3
 """Frames of the image that a course has at least."""

@@ -18,10 +18,11 @@ from study.case.advice import nearest
 from study.case.anatomy import MeshAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
-from study.run.anatomy_source import case_anatomy, case_mesh, file_fault, states_of
+from study.run.anatomy_source import case_anatomy, case_mesh, states_of
 from study.run.limits import AREA_BOUND, SEPTUM_BOUND
 from study.run.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.run.progress import Progress
+from study.run.refusal import file_fault
 from study.store.json_form import ABSENT, from_json
 from study.store.mesh_parts import (
     Histogram,

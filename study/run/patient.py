@@ -11,6 +11,7 @@ import study.case.model as case_file
 from calibration import LumenLosses, PressureFlowLaw, lumen_losses, systemic_windkessel
 from diagnosis import RATIO_SD
 from jaxfsi import Calipers, Lumen, read_ivus_contours
+from jaxfsi.anatomy import radius_at_ostium, read_centerline, read_sized_line
 from lumped import (
     MMHG,
     RCR,
@@ -26,6 +27,7 @@ from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.model import Case
+from study.run.refusal import refusal
 
 ASSUMED_R0 = 5.0e3
 """R0 of the linear law where nothing is known: FFR does not depend on it [dyn·s/cm⁵]."""
@@ -144,10 +146,24 @@ def read_vessel(case: Case) -> ContouredArtery | None:
         problem = str(error).removeprefix(f"{anatomy.contours}: ")
         cure = "correct the file, or give R0_dyn_s_per_cm5 below [surrogate] without an anatomy"
         raise CaseError([Fault(anatomy.contours, "", None, problem, "", cure)]) from error
-    radius = anatomy.aorta_radius
+    radius = _aortic_radius(anatomy)
     upstream = math.inf if radius is None else math.pi * radius**2
     mu, rho = case.blood.mu, case.blood.rho_f
     return ContouredArtery(*_shape(lumen, mu=mu, rho=rho, area_upstream=upstream))
+
+
+def _aortic_radius(anatomy: IvusAnatomy) -> float | None:
+    """Radius of the aorta at the ostium [cm], from its centre line or as given; None: unknown.
+
+    Raises:
+        CaseError: a centre line cannot be read, or does not pass the ostium.
+    """
+    if anatomy.aorta_centerline is None or anatomy.centerline is None:
+        return anatomy.aorta_radius
+    with refusal(anatomy.aorta_centerline, anatomy.centerline):
+        line = read_centerline(anatomy.centerline)
+        end = anatomy.ostium_end or "auto"
+        return radius_at_ostium(line, read_sized_line(anatomy.aorta_centerline), ostium_end=end)
 
 
 @eqx.filter_jit

@@ -29,9 +29,9 @@ def input_files(case: Case) -> list[pathlib.Path]:
     """The case file and every file that it names, each once."""
     files = [case.path]
     match case.anatomy:
-        case IvusAnatomy(states=states, centerline=centerline):
+        case IvusAnatomy(states=states, lines=lines):
             files += [file for state in states.values() for file in state.files]
-            files += [centerline] if centerline is not None else []
+            files += lines
         case SurfaceAnatomy(files=named):
             files += named
         case MeshAnatomy(places=places):

@@ -63,8 +63,14 @@ def mesh_key(case: Case, state: str) -> str:
     match anatomy:
         case IvusAnatomy():
             files = [*anatomy.states[state].files]
-            files += [anatomy.centerline] if anatomy.centerline is not None else []
-            given = dataclasses.replace(anatomy, states={}, centerline=None)  # files, by content
+            files += anatomy.lines
+            given = dataclasses.replace(  # files, by content
+                anatomy,
+                states={},
+                centerline=None,
+                aorta_centerline=None,
+                normal_centerline=None,
+            )
             named = anatomy.states[state]
             absent = [file is None for file in (named.contours, named.frame_table)]
             absent += [named.reference_point is None]

@@ -135,7 +135,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/run/dry_run.py", "study/run/*executor*.py", "study/run/job_files.py",
     "study/run/expected_times.py", "study/run/finished_study.py",
     "study/run/health*.py",
-    "study/run/gap_parts.py", "study/run/members.py",
+    "study/run/gap_parts.py", "study/run/members.py", "study/run/refusal.py",
     "study/run/what_if*.py", "study/report/what_if_*.py",  # 3D runs are kept as those of a study
     "study/run/opening_checks.py", "study/run/progress.py", "study/run/solver_input.py",
     "study/run/sweep_parts.py",

@@ -51,6 +51,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "max_halvings": (-1.0, 100.0),
     "change_limit": (0.0, 10.0),
     "aorta_radius_mm": (1.0, 60.0),
+    "normal_length_mm": (0.0, 200.0),
     "septum_mm": (0.0, 20.0),
     "take_off_angle_deg": (-180.0, 360.0),
     "aorta_below_mm": (0.0, 500.0),

@@ -12,8 +12,8 @@ from tests.fuzz.trial import Expected
 
 FREE = frozenset({"source", "notes"})
 PATHS = frozenset({
-    "contours", "frame_table", "reference_point", "centerline", "surface", "path", "fluid",
-    "solid", "waveform", "file",
+    "contours", "frame_table", "reference_point", "centerline", "aorta_centerline",
+    "normal_centerline", "surface", "path", "fluid", "solid", "waveform", "file",
 })  # fmt: skip
 NAMES = frozenset({"id", "name"})
 

@@ -2,9 +2,9 @@
 
 For every frame k with a measurement the section, placed in the plane across the axis, satisfies::
 
-    min over contour k of (ϱ − R) = septum_k
+    min over contour k of gap = septum_k
 
-with ϱ the distance from the aortic axis and R the aortic radius. The distance of the coronary axis
+with the gap of `aortic_axis`, the distance from the aortic lumen. The distance of the coronary axis
 from the aorta is smoothed along s, so that its planes stay parallel to their neighbours where sizes
 jump from frame to frame; what is left of the measured distance moves each section within its plane.
 """
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxfsi.anatomy.curves.curve import Curve, at_arc_length, curve_through, extended
+from jaxfsi.anatomy.sources.aortic_axis import AorticAxis, aortic_gap, outward
 from jaxfsi.anatomy.sources.ct_course import Departure, wall_path
 from jaxfsi.anatomy.sources.pullback import Pullback
 
@@ -59,10 +60,11 @@ def placed_sections(
     return position[:, None] + across
 
 
-def _framed(points: Float[np.ndarray, "n 3"], s: Float[np.ndarray, " n"]) -> Curve:
-    """Curve through a path with its normals pointing away from the aortic axis (z)."""
-    outward = points * np.array([1.0, 1.0, 0.0])
-    curve = curve_through(points, _SPACING, normals=outward)
+def _framed(
+    aorta: AorticAxis, points: Float[np.ndarray, "n 3"], s: Float[np.ndarray, " n"]
+) -> Curve:
+    """Curve through a path with its normals pointing away from the aortic axis."""
+    curve = curve_through(points, _SPACING, normals=outward(aorta, points))
     return dataclasses.replace(curve, s=curve.s + s[0])
 
 
@@ -86,7 +88,7 @@ def _locally_linear(
 def coronary_course(
     pullback: Pullback,
     course: Float[np.ndarray, "points 3"],
-    aorta_radius: float,
+    aorta: AorticAxis,
     *,
     take_off_angle_deg: float,
     extension: float,
@@ -98,10 +100,10 @@ def coronary_course(
     Args:
         pullback: sections and measured septum.
         course: CT centre line in aortic coordinates, see `AortaFit`.
-        aorta_radius: of the aortic lumen [cm].
+        aorta: axis and radius of the aorta.
         take_off_angle_deg: between coronary and aortic wall at the ostium.
         extension: least length beyond the distal frame [cm].
-        clearance: distance from the aortic axis that the outlet must reach [cm].
+        clearance: distance from the aortic lumen that the outlet must reach [cm].
         overrun: length of axis beyond the outlet [cm].
 
     Raises:
@@ -110,8 +112,9 @@ def coronary_course(
     septum, last = _filled(pullback)
     slope = float(np.tan(np.radians(take_off_angle_deg)))
     departure = Departure(slope, _DEPARTURE_SLOPE, float(pullback.s[last]))
-    distance = aorta_radius + septum - np.min(pullback.sections[:, :, 0], axis=1)
+    distance = septum - np.min(pullback.sections[:, :, 0], axis=1)
     path = wall_path(
+        aorta,
         course,
         pullback.s,
         _locally_linear(pullback.s, distance),
@@ -119,16 +122,16 @@ def coronary_course(
         before=_BEFORE,
         after=float(pullback.s[-1]) + extension + 2.0 * _BEFORE,
     )
-    axis = _framed(*path)
+    axis = _framed(aorta, *path)
     shift = np.zeros(len(septum))
     measured = slice(0, last + 1)
     for _ in range(_SEPTUM_STEPS):
         sections = shifted(pullback.sections, shift)
         placed = placed_sections(axis, pullback.s, sections)
-        gap = np.min(np.hypot(placed[..., 0], placed[..., 1]), axis=1) - aorta_radius
+        gap = np.min(aortic_gap(aorta, placed), axis=1)
         shift[measured] += (septum - gap)[measured]
-    s_start, s_mouth = _entrance(axis, shifted(pullback.sections, shift)[0], aorta_radius)
-    s_outlet = _outlet(axis, float(pullback.s[-1]) + extension, clearance)
+    s_start, s_mouth = _entrance(aorta, axis, shifted(pullback.sections, shift)[0])
+    s_outlet = first_clear(aorta, axis, float(pullback.s[-1]) + extension, clearance)
     inside = between(axis, s_start, s_outlet)
     return CoronaryCourse(extended(inside, 0.0, overrun), shift, s_outlet, s_mouth)
 
@@ -141,29 +144,37 @@ def shifted(
 
 
 def _entrance(
-    axis: Curve, ostium: Float[np.ndarray, "points 2"], aorta_radius: float
+    aorta: AorticAxis, axis: Curve, ostium: Float[np.ndarray, "points 2"]
 ) -> tuple[float, float]:
     """Where the ostium section lies wholly inside the aortic lumen, and where its axis enters."""
     s = axis.s[axis.s <= 0.0]
     placed = placed_sections(axis, s, np.broadcast_to(ostium, (len(s), *ostium.shape)))
-    outmost = np.max(np.hypot(placed[..., 0], placed[..., 1]), axis=1)
-    inside = np.flatnonzero(outmost < aorta_radius - _INSIDE)
+    inside = np.flatnonzero(np.max(aortic_gap(aorta, placed), axis=1) < -_INSIDE)
     if len(inside) == 0:
         raise ValueError(
             f"the coronary does not enter the aortic lumen within {_BEFORE:g} cm of the ostium"
             " frame. Raise the take-off angle, or check the septum at the ostium."
         )
-    mouth = s[np.hypot(axis.points[: len(s), 0], axis.points[: len(s), 1]) <= aorta_radius]
+    mouth = s[aortic_gap(aorta, axis.points[: len(s)]) <= 0.0]
     return float(s[inside[-1]]), float(mouth[-1])
 
 
-def _outlet(axis: Curve, least: float, clearance: float) -> float:
-    """First place beyond ``least`` that is far enough from the aortic axis."""
-    rho = np.hypot(axis.points[:, 0], axis.points[:, 1])
-    outside = np.flatnonzero((axis.s >= least) & (rho >= clearance))
+def first_clear(aorta: AorticAxis, axis: Curve, least: float, clearance: float) -> float:
+    """First place of an artery beyond ``least`` that is far enough from the aortic lumen [cm].
+
+    Args:
+        aorta: axis and radius of the aorta.
+        axis: of the artery.
+        least: arc length from which on the place is looked for [cm].
+        clearance: distance from the aortic lumen [cm].
+
+    Raises:
+        ValueError: there is none.
+    """
+    outside = np.flatnonzero((axis.s >= least) & (aortic_gap(aorta, axis.points) >= clearance))
     if len(outside) == 0:
         raise ValueError(
-            f"the coronary stays within {clearance:.2g} cm of the aortic axis, too near to be cut"
-            " off by itself. Check the centre line and the aortic radius."
+            f"the coronary stays within {clearance:.2g} cm of the aortic lumen, too near to be cut"
+            " off by itself. Check the centre line and the aorta."
         )
     return float(axis.s[outside[0]])

@@ -142,8 +142,10 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     plain = read_case(write_case(tmp_path, case_template()))
     full_text = re.sub(r"^#(?=\w+ = |\[)", "", case_template(), flags=re.MULTILINE)
     full_text = full_text.replace("rest_beat.csv", "beat.csv")
-    file = write_case(tmp_path, full_text)
-    for name in ("frames.csv", "reference.csv", "eem_contours.csv"):
+    full_text = re.sub(r"^aorta_radius_mm = .*\n", "", full_text, flags=re.MULTILINE)
+    file = write_case(tmp_path, full_text)  # the radius stands in place of the aorta's line
+    lines = ("aorta_centerline.csv", "left_centerline.csv")
+    for name in ("frames.csv", "reference.csv", "eem_contours.csv", *lines):
         (tmp_path / name).write_text("x")
     full = read_case(file)
     assert (full.blood, full.coronary) == (plain.blood, plain.coronary)
@@ -161,7 +163,7 @@ def test_template_shows_every_default_and_every_optional_key(tmp_path):
     require(full, "mesh")
     assert full.anatomy is not None
     assert isinstance(full.anatomy, IvusAnatomy)
-    assert None not in vars(full.anatomy).values()
+    assert None not in vars(dataclasses.replace(full.anatomy, aorta_radius=1.4)).values()
     assert all(None not in vars(state).values() for state in full.anatomy.states.values())
     assert dataclasses.replace(full.mesh, elements_across=None) == plain.mesh
     assert full.mesh.elements_across is not None

@@ -286,6 +286,23 @@ BAD_EDITS = {
     "path too long": ('"contours.csv"', f'"{5000 * "a"}"', "anatomy.contours", "cannot be used"),
     "path with a null": ('"contours.csv"', '"a\\u0000b"', "anatomy.contours", "give the path"),
     "Windows path": ('"contours.csv"', "'data\\c.csv'", "anatomy.contours", "forward slashes"),
+    "two sizes of the aorta": (
+        "aorta_radius_mm = 14.0", 'aorta_radius_mm = 14.0\naorta_centerline = "centerline.csv"',
+        "anatomy.aorta_radius_mm", "keep either aorta_centerline, which holds the radii",
+    ),
+    "aorta beside nothing": (
+        'centerline = "centerline.csv"\nseptum_mm = 0.8\naorta_radius_mm = 14.0',
+        'aorta_centerline = "centerline.csv"\nseptum_mm = 0.8',
+        "anatomy.aorta_centerline", "centerline, beside which it has a meaning, is missing",
+    ),
+    "normal coronary without its aorta": (
+        "septum_mm = 0.8", 'septum_mm = 0.8\nnormal_centerline = "centerline.csv"',
+        "anatomy.normal_centerline", "add aorta_centerline = ... below [anatomy]",
+    ),
+    "length of no stem": (
+        "septum_mm = 0.8", "septum_mm = 0.8\nnormal_length_mm = 10.0",
+        "anatomy.normal_length_mm", "add normal_centerline = ... below [anatomy], or leave",
+    ),
     "thickness bounds": (
         "min_mm = 0.3", "min_mm = 3", "wall.thickness_per_radius.min_mm", "not below max_mm = 2",
     ),

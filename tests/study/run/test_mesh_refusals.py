@@ -132,6 +132,19 @@ def ivus(folder: pathlib.Path, *, contours: str | None = None, line: str | None 
     return IVUS
 
 
+def measured(folder: pathlib.Path, aorta: str) -> str:
+    """The bundled patient with another centre line of the aorta."""
+    (folder / "aorta.csv").write_text(aorta)
+    return ivus(folder).replace("aorta_radius_mm = 14.0", 'aorta_centerline = "aorta.csv"')
+
+
+def moved_aorta(distance: float) -> str:
+    """The bundled centre line of the aorta, moved along x [mm]."""
+    rows = np.loadtxt(BUNDLED / "aorta_centerline.csv", delimiter=",")
+    rows[:, 0] += distance
+    return "\n".join(",".join(f"{x:.3f}" for x in row) for row in rows) + "\n"
+
+
 def scaled_contours(factor: float, frames: slice) -> str:
     """The bundled contours with the lumen of some frames scaled about its middle."""
     rows = np.loadtxt(BUNDLED / "rest_diastole_contours.csv")
@@ -214,6 +227,14 @@ BAD: dict[str, tuple[Callable[[pathlib.Path], str], str]] = {
     "centre line ten times too small": (
         lambda folder: ivus(folder, line=centre_line_in_cm()),
         "in mm",
+    ),
+    "aorta without radii": (
+        lambda folder: measured(folder, (BUNDLED / "centerline.csv").read_text()),
+        "aorta.csv: the centre line has no radii",
+    ),
+    "aorta of another patient": (
+        lambda folder: measured(folder, moved_aorta(100.0)),
+        "does not run beside this aorta",
     ),
     "contours ten times too small": (
         lambda folder: ivus(folder, contours=scaled_contours(0.1, slice(None))),

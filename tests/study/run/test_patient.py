@@ -88,6 +88,20 @@ def test_wide_aorta_only_changes_the_entrance(load):
     assert float(narrow.vessel.losses.b_contraction) < float(open_.vessel.losses.b_contraction)
 
 
+def test_measured_aorta_is_as_wide_as_its_line_at_the_ostium(load, tmp_path):
+    lines = {"centerline": "centerline.csv", "aorta_centerline": "aorta_centerline.csv"}
+    for name in lines.values():
+        source = demo_case_path().parent / name
+        (tmp_path / name).write_bytes(source.read_bytes())
+    keys = "".join(f'{key} = "{name}"\n' for key, name in lines.items())
+    own, given = load(CONTOURS + keys), load(CONTOURS + "aorta_radius_mm = 14.19\n")
+    one, other = (float(p.vessel.losses.b_contraction) for p in (own, given))
+    assert one == pytest.approx(other, rel=1e-5)  # 14.19 mm to 0.05 mm, of a share of 1 %
+    (tmp_path / "aorta_centerline.csv").write_text("0,0,0\n" * 8)
+    with pytest.raises(CaseError, match=r"aorta_centerline.csv.*\n?.*"):
+        load(CONTOURS + keys)
+
+
 def test_measured_beat_drives_its_condition(load, tmp_path):
     rows = [f"{k * 0.02:.3f},{85 + 20 * math.sin(k / 40 * math.pi):.3f}" for k in range(40)]
     (tmp_path / "beat.csv").write_text("\n".join(["time_s,P_aorta_mmHg", *rows]) + "\n")

@@ -1,9 +1,8 @@
 """Meshes of real, drawn and foreign anatomies: time by stage, and gates on the answer.
 
-The real patient in every state whose contours are at hand (one is bundled, the others lie in the
-reference data), twenty anatomies drawn from the published distributions, the virtual cohort, and
-lumen surfaces that other projects made. The wall stands in columns of wedges. Nothing is taken
-from a cache; each anatomy is meshed once.
+The bundled patient in its four states, twenty anatomies drawn from the published distributions, the
+virtual cohort, and lumen surfaces that other projects made. The wall stands in columns of wedges.
+Nothing is taken from a cache; each anatomy is meshed once.
 """
 
 import pathlib
@@ -16,7 +15,6 @@ import numpy as np
 
 from jaxfsi.anatomy import (
     Anatomy,
-    ivus_anatomy,
     sample_anatomies,
     surface_anatomy,
     synthetic_anatomy,
@@ -24,10 +22,9 @@ from jaxfsi.anatomy import (
 from jaxfsi.mesh import Region, tet_volumes
 from jaxfsi.meshing.build import LEAST_DIHEDRAL_DEG, MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
-from lumped.units import MM
 from study import demo_case_path, read_case
 from study.case.demo import demo_cohort_path
-from study.run.anatomy_source import case_anatomy
+from study.run.anatomy_source import case_anatomy, states_of
 
 SHARED_DATA = pathlib.Path(__file__).parents[2] / "shared" / "data"
 SEED = 2026
@@ -71,29 +68,10 @@ def _cohort() -> Iterator[Item]:
 
 
 def _patient() -> Iterator[Item]:
-    yield Item("patient rest diastole", lambda: case_anatomy(read_case(demo_case_path())))
-    folder = SHARED_DATA / "ivus_aaoca"
-    if not folder.is_dir():
-        return
-    for drug, condition in (("rest", "rest"), ("stress", "dobutamine")):
-        for phase in ("diastole", "systole"):
-            if (drug, phase) != ("rest", "diastole"):
-                name = f"{condition} {phase}"
-                yield Item(f"patient {name}", lambda d=drug, p=phase, n=name: _state(d, p, n))
-
-
-def _state(drug: str, phase: str, name: str) -> Anatomy:
-    folder = SHARED_DATA / "ivus_aaoca"
-    pullback = folder / f"ivus_{drug}"
-    adjective = phase[:-1] + "ic"
-    return ivus_anatomy(
-        pullback / f"{adjective}_contours.csv",
-        folder / "centerline_raw.csv",
-        frame_table=pullback / "combined_sorted_manual.csv",
-        reference=pullback / f"{adjective}_reference_points.csv",
-        state=name,
-        aorta_radius=14.0 * MM,
-    )
+    """The bundled patient in its states."""
+    for state in states_of(read_case(demo_case_path())):
+        name = f"patient {state.replace('_', ' ')}"
+        yield Item(name, lambda state=state: case_anatomy(read_case(demo_case_path()), state))
 
 
 def _surfaces() -> Iterator[Item]:

@@ -5,7 +5,7 @@ Mesh from contours
 From the ultrasound contours of the bundled patient to a labelled mesh of blood and wall, on disk.
 """
 
-# %% Contours and centre line are named by the case file
+# %% Contours and centre lines are named by the case file
 import pathlib
 import tempfile
 
@@ -21,7 +21,8 @@ anatomy = ivus_anatomy(
     ivus.centerline,
     frame_table=state.frame_table,
     reference=state.reference_point,
-    aorta_radius=ivus.aorta_radius,
+    aorta_centerline=ivus.aorta_centerline,
+    normal_centerline=ivus.normal_centerline,
 )
 
 # %% Coarse: about 30 000 tetrahedra

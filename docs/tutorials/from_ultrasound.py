@@ -36,8 +36,13 @@ fig.tight_layout()
 # Anatomy
 # -------
 # Contours are lofted along the path of the vessel, turned to the aortic wall, and joined with the
-# aorta. The result holds lumen and wall as implicit functions, with named openings.
-anatomy = ivus_anatomy(state.contours, ivus.centerline, aorta_radius=ivus.aorta_radius, **files)
+# aorta, which follows its own centre line and radii from CT, as does the stem of the left coronary.
+# The result holds lumen and wall as implicit functions, with named openings.
+lines = {
+    "aorta_centerline": ivus.aorta_centerline,
+    "normal_centerline": ivus.normal_centerline,
+}
+anatomy = ivus_anatomy(state.contours, ivus.centerline, **lines, **files)
 print("openings:", ", ".join(opening.name for opening in anatomy.openings))
 
 # %%

@@ -6,13 +6,20 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from jaxfsi.anatomy import Anatomy, ivus_anatomy
+from jaxfsi.anatomy import (
+    Anatomy,
+    centerline_point,
+    ivus_anatomy,
+    read_sized_line,
+    surface_outline,
+)
 from jaxfsi.faces import boundary_of
 from jaxfsi.measures import enclosed_volume
 from jaxfsi.mesh import INTERFACE, Region
 from jaxfsi.meshing import MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
-from study import demo_case_path
+from study import demo_case_path, read_case
+from study.run.anatomy_source import case_anatomy
 
 BUNDLED = demo_case_path().parent
 
@@ -115,6 +122,44 @@ def test_sections_where_vessels_join_are_left_open_but_frames_never(patient):
     assert 0.5 * len(known) < np.sum(known)
     # The same bound as for the coronary; a second vessel in the plane would add far more.
     assert aorta.largest_error < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["coarse", "medium"])
+def test_mesh_of_the_bundled_case_has_the_aorta_and_the_stem_of_its_ct(preset):
+    anatomy = case_anatomy(read_case(demo_case_path()))
+    mesh, report = build_mesh(anatomy, preset=preset)
+    assert report.topology.faults == ()
+    assert report.topology.euler == {"lumen": 2, "wall": -4, "outer": 2}
+    assert (report.quality.through_edges.wall, report.quality.through_edges.septum) == (0, 0)
+    for vessel in ("aorta", "anomalous", "normal"):
+        assert section_areas(mesh, anatomy, vessel=vessel).largest_error < 0.05
+    ct = read_sized_line(BUNDLED / "aorta_centerline.csv")
+    axes, origin = (np.array(anatomy.meta[f"aortic_{x}_in_ct"]) for x in ("axes", "origin"))
+    points = (ct.points - origin) @ axes.T
+    surface = boundary_of(mesh.tets_of(Region.FLUID))
+    line = anatomy.centerlines["aorta"]
+    for s in (0.3, 0.6, 3.2, 3.7):  # away from the ostia, which lie about s = 2
+        centre, normal = centerline_point(line, s)
+        outline = surface_outline(mesh.points, surface, centre, normal)
+        p, q = outline[:, 0], outline[:, 1]
+        piece = (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]) / 2.0
+        middle = np.sum(piece[:, None] * (p + q), axis=0) / (3.0 * piece.sum())
+        nearest = int(np.argmin(np.linalg.norm(points - centre, axis=1)))
+        # axis: smoothing over 3 mm and steps of 5 mm in the file; radius: the same, and chords
+        assert np.linalg.norm(middle) < 0.02
+        away = points[nearest] - centre
+        assert np.linalg.norm(away - (away @ normal) * normal) < 0.03
+        radius = np.sqrt(abs(piece.sum()) / np.pi)
+        assert radius == pytest.approx(np.interp(s, *_ct_radius(points, ct.radius, line)), abs=0.05)
+
+
+def _ct_radius(points: np.ndarray, radius: np.ndarray, line) -> tuple[np.ndarray, np.ndarray]:
+    """Radius of CT by arc length on the axis of the model."""
+    nearest = np.linalg.norm(points[:, None] - line.points, axis=2).argmin(axis=1)
+    inner = (nearest > 0) & (nearest < len(line.s) - 1)
+    order = np.argsort(line.s[nearest[inner]])
+    return line.s[nearest[inner]][order], radius[inner][order]
 
 
 STATES = [(drug, phase) for drug in ("rest", "stress") for phase in ("diastolic", "systolic")]

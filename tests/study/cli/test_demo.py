@@ -7,7 +7,7 @@ def test_bundled_case_names_files_that_exist_and_stay_small():
     path = demo_case_path()
     case = tomllib.loads(path.read_text(encoding="utf-8"))
     assert case["anatomy"]["kind"] == "ivus"
-    for key in ("contours", "centerline"):
+    for key in ("contours", "centerline", "aorta_centerline", "normal_centerline"):
         assert (path.parent / case["anatomy"][key]).is_file()
     assert (path.parent / "LICENSE.MIT").is_file()
     # four states of half a megabyte

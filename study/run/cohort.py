@@ -89,13 +89,18 @@ def run_cohort(
             if member.name not in results:
                 _submit(place, pending, _Submitted(member, case_call(member, mode, extra)))
         while pending:
+            looked = time.monotonic()
+            for future, case in pending.items():
+                if case.begun is None and future.running():
+                    pending[future] = dataclasses.replace(case, begun=looked)
             for future in wait(pending, _LOOK_SECONDS, FIRST_COMPLETED).done:
                 case = pending.pop(future)
                 status, reason = _outcome(future)
                 if reason and case.times <= MOST_AGAIN:
                     _submit(place, pending, case.again())
                     continue
-                found = _ended(case.member, mode, extra, status, case.begun, reason)
+                start = looked if case.begun is None else case.begun
+                found = _ended(case.member, mode, extra, status, start, reason)
                 results[case.member.name] = found
                 done += 1
             if tell is not None:
@@ -154,13 +159,13 @@ class _Submitted:
         member: the case.
         call: its command.
         times: how often it was submitted.
-        begun: when it was submitted first [s].
+        begun: when it was first seen at work [s]; None: it waits.
     """
 
     member: Member
     call: CaseCall
     times: int = 1
-    begun: float = dataclasses.field(default_factory=time.monotonic)
+    begun: float | None = None
 
     def again(self) -> "_Submitted":
         """The case, submitted once more."""

@@ -36,7 +36,7 @@ class MemberResult:
     Attributes:
         member: the case.
         status: exit status of its command; 0 is done.
-        seconds: that its last command took.
+        seconds: that its last command took; with Dask since it was submitted.
         document: its result; None where there is none.
         reason: why there is none.
         kept: whether an earlier command computed it.

@@ -3,6 +3,7 @@
 import functools
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 
@@ -96,7 +97,8 @@ def calibrate_model(patient: Patient, model: ReducedModel) -> Calibration:
     solver = periodic_solver(case, surrogate)
     shooting = solver if isinstance(solver, Shooting) else None
     newton = calibrate_alpha(surrogate, rest, target, solver=shooting)
-    bisection = _bisect(surrogate, rest, target, solver=solver)
+    goal = jnp.asarray(target, float)  # a Python number would be compiled in, anew for each case
+    bisection = _bisect(surrogate, rest, goal, solver=solver)
     bracketed = bool(bisection.result == optx.RESULTS.successful)
     alpha = float(newton.alpha)
     response = respond(patient, tune(surrogate, alpha), rest)

@@ -16,7 +16,7 @@ class CohortPatient:
         side: anomalous artery, `left` or `right`; None where the case does not say.
         status: exit status of its command; 0 is done.
         reason: why it failed; empty where it did not.
-        seconds: that its command took.
+        seconds: that its command took; with Dask since it was submitted.
         alpha: scale of the resistances of the anomalous outlet, calibrated [-]; None where there
             is none.
         extra_runs: runs of the calibration in 3D beyond the first; None in 0D.

@@ -122,6 +122,8 @@ def test_process_takes_case_after_case_and_gives_the_same(members):
     processes = {process for member in members for process, _ in _processes(member)}
     assert len(processes) == 1
     assert not pathlib.Path(f"/proc/{processes.pop()}").exists()
+    waited = _STEPS * 0.1 * (len(members) - 1)
+    assert results[-1].seconds < waited, "a case's seconds begin when it does, not when submitted"
     for member in members:  # each has its own log
         assert (member.folder / "log.txt").read_text() == f"counting {member.path}\n"
 

@@ -108,7 +108,8 @@ class Page {
     const marks = ticks(scale.low, scale.high, 4);
     const step = marks[1] - marks[0];
     const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-    const labels = marks.map((value) => [value, value.toFixed(Math.min(digits, 6)), false]);
+    const text = (value) => value.toFixed(Math.min(digits, 6)).replace('-', '−');
+    const labels = marks.map((value) => [value, text(value), false]);
     if (scale.limit !== null) {
       const near = (value) => Math.abs(value - scale.limit) < 0.4 * step;
       labels.splice(0, labels.length, ...labels.filter(([value]) => !near(value)));

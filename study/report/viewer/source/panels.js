@@ -10,6 +10,12 @@ const span = (values, least = 0) => {
   return [low - room, high + room];
 };
 
+// With its sign, a true minus, and two significant digits.
+const thousandths = (value) => {
+  const text = String(Number(Math.abs(value).toPrecision(2)));
+  return `${text === '0' ? '' : value < 0 ? '−' : '+'}${text}`;
+};
+
 export class Panels {
   /** `told` is called with a change: {section} or {time}. */
   constructor(viewer, told) {
@@ -116,7 +122,7 @@ export class Panels {
       area: size(reading.area_mm2, 'mm²'),
       minor: size(reading.minor_mm, 'mm'),
       moved: reading.moved !== null && viewer.view.moved_mm && `${reading.moved.toFixed(3)} mm`,
-      wider: reading.wider !== null && `${(reading.wider * 0.1).toExponential(1)} per mm²`,
+      wider: reading.wider !== null && `${thousandths(reading.wider)} · 10⁻³ per mm²`,
     };
     for (const [name, text] of Object.entries(texts)) {
       element(`at-${name}`).textContent = text || '–';

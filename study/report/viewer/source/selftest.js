@@ -51,7 +51,10 @@ function picks(page) {
     if (own < 0 || weights[own] < 0.98) continue; // something else lies before it
     page.pick(left, top);
     const shown = Number(element('at-ratio').dataset.value);
-    found.push({ node, s: s[node], ratio: shown, text: element('at-ratio').textContent });
+    const { wider } = viewer.reading();
+    const shownWider = element('at-wider').textContent;
+    const text = element('at-ratio').textContent;
+    found.push({ node, s: s[node], ratio: shown, text, wider, shownWider });
   }
   return found;
 }
@@ -91,7 +94,9 @@ function tested(page) {
   });
   const colours = viewer.colourNames().map((name) => {
     set('colour', name, 'change');
-    return { name, ...inked(page.stage) };
+    const { low, high } = viewer.scale;
+    const legend = element('scale-name').textContent;
+    return { name, low, high, legend, ...inked(page.stage) };
   });
   set('colour', 'ratio', 'change');
   const { clientWidth: width, clientHeight: height } = page.stage.canvas;

@@ -3,6 +3,9 @@
 import { scaleOf } from './colours.js';
 import { hitOf, normalsOf, rowAt, valueAt } from './motion.js';
 
+// Of 1 per mm shifted outwards and mm²: thousandths per mm² that is shifted by 0.1 mm.
+const THOUSANDTHS = 100;
+
 const extent = (values) => {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) {
@@ -78,7 +81,7 @@ export class Viewer {
       const most = Math.max(...views.map((v) => this.farthest(v)));
       this.scale = scaleOf({ low: 0, high: most, colours: this.colours.moved });
     } else {
-      const most = Math.max(...over('wider_per_mm3').map(Math.abs));
+      const most = Math.max(...views.map((v) => this.strongest(v)));
       this.scale = scaleOf({ low: -most, high: most, colours: this.colours.wider });
     }
     this.stage?.setScale(this.scale, this.colour === 'ratio' || this.colour === 'wider');
@@ -95,6 +98,18 @@ export class Viewer {
       view.farthest = Math.sqrt(most);
     }
     return view.farthest;
+  }
+
+  /** Largest change by a wider lumen on the artery; on the other vessels colours end there. */
+  strongest(view) {
+    if (!view.wider_per_mm3) return 0;
+    const s = this.page.shapes[view.shape].node_s_mm;
+    const alone = s.every((v) => v < 0);
+    const most = view.wider_per_mm3.reduce(
+      (most, value, node) => (alone || s[node] >= 0 ? Math.max(most, Math.abs(value)) : most),
+      0,
+    );
+    return THOUSANDTHS * most || 1;
   }
 
   /** Positions, normals, values and marks at the present instant. */
@@ -117,8 +132,9 @@ export class Viewer {
   _fill(value) {
     const { view } = this;
     if (this.colour === 'ratio') value.set(view.node_ratio);
-    else if (this.colour === 'wider') value.set(view.wider_per_mm3);
-    else if (this.colour === 'pressure') {
+    else if (this.colour === 'wider') {
+      for (let i = 0; i < value.length; i++) value[i] = THOUSANDTHS * view.wider_per_mm3[i];
+    } else if (this.colour === 'pressure') {
       rowAt(view.node_P_mmHg, value.length, this.frames, this.place, value);
     } else {
       const m = this.moved;
@@ -180,7 +196,7 @@ export class Viewer {
       found.ratio = valueAt(view.node_ratio, mark.point);
       found.wave = view.t_s.map((_, f) => valueAt(view.node_P_mmHg, mark.point, 1, 0, f * nodes));
       found.moved = Math.hypot(...[0, 1, 2].map((j) => valueAt(this.moved, mark.point, 3, j)));
-      if (view.wider_per_mm3) found.wider = valueAt(view.wider_per_mm3, mark.point);
+      if (view.wider_per_mm3) found.wider = THOUSANDTHS * valueAt(view.wider_per_mm3, mark.point);
     } else if (mark.kind === 'distal') {
       found.s = view.distal_s_mm;
       found.ratio = view.P_distal_mean_mmHg / view.P_aorta_mean_mmHg;

@@ -36,6 +36,22 @@ def test_canvas_is_drawn_in_every_colouring(found):
         assert entry["colours"] > 20
 
 
+def test_the_scale_of_a_wider_lumen_is_in_thousandths_and_ends_at_the_artery(found, vessel):
+    shape, view = vessel.data.shapes[0], vessel.data.views[-1]
+    # 1 per mm shifted and mm² is 100 thousandths per mm² that is shifted by 0.1 mm
+    known = 100.0 * unpacked(view.wider_per_mm3)
+    (wider,) = [entry for entry in found["colours"] if entry["name"] == "wider"]
+    artery = unpacked(shape.node_s_mm) >= 0.0
+    assert wider["high"] == -wider["low"] == pytest.approx(np.abs(known[artery]).max(), rel=1e-6)
+    assert "0.001 per mm²" in wider["legend"]
+    assert "0.1 mm" in wider["legend"]
+    for pick in found["views"][-1]["picks"]:
+        assert pick["wider"] == pytest.approx(known[pick["node"]], rel=0.05)
+        assert pick["shownWider"].startswith("+")
+        assert float(pick["shownWider"].split()[0]) == pytest.approx(pick["wider"], rel=0.051)
+    assert found["views"][0]["picks"][0]["shownWider"] == "–"
+
+
 def test_the_slider_moves_the_wall_and_exaggeration_multiplies_it(found, vessel):
     view = vessel.data.views[-1]
     moved = unpacked(view.moved_mm)

@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from study.case.anatomy import SyntheticAnatomy
-from study.case.laws import QUADRATIC
 from study.case.model import Case
 from study.report.agreement import agreement
 from study.report.cohort_rows import BOUNDARIES, LABELS, Pair, place_of
@@ -129,7 +128,7 @@ def _intervals(result: MemberResult, case: Case) -> Iterator[CohortInterval]:
 
 
 def _own_alpha(document: Document) -> float | None:
-    fit = document["calibrations"].get(QUADRATIC) or {}
+    fit = document["calibrations"].get(document["law"]) or {}
     return fit.get("alpha")
 
 

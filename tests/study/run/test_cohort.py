@@ -70,6 +70,9 @@ def test_faulty_case_does_not_stop_the_others(cohort):
     reason = cohort.json["patients"][2]["reason"]
     assert "venous pressure" in reason or "cannot be reached" in reason
     assert (cohort.folder / "a" / "report.html").is_file()
+    page = (cohort.folder / "cohort.html").read_text()
+    assert '2 of 3 cases finished; without a result: <a href="#patient-1">c</a>.' in page
+    assert '<tr id="patient-1"><td class="left">c</td>' in page
 
 
 def test_groups_hold_the_differences_of_the_cases(cohort):

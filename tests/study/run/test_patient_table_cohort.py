@@ -23,7 +23,10 @@ def test_each_row_has_a_result(tmp_path, command):
     patients = found.json["patients"]
     assert [(p["name"], p["status"]) for p in patients] == [("a", 0), ("b", 0)]
     # a lower drop at rest is a larger resistance behind the same artery
-    assert patients[1]["alpha"] is None or patients[1]["alpha"] > patients[0]["alpha"]
+    assert patients[1]["alpha"] > patients[0]["alpha"]
+    page = (out / "cohort.html").read_text()
+    assert '<a href="b/report.html">b</a>' in page
+    assert "without a result" not in page
     assert (out / "b" / "result.json").is_file()
     again = command("cohort", file, *SETTINGS, folder=out)
     assert all(p["kept"] for p in again.json["patients"])

@@ -98,7 +98,7 @@ def _piece(file: VtkXml, piece: ET.Element) -> PolylineFile:
 def write_polylines(
     path: str | pathlib.Path,
     points: Float[np.ndarray, "points 3"],
-    lines: Sequence[Int[np.ndarray, " nodes"]],
+    lines: Sequence[Int[np.ndarray, " _"]],
     *,
     point_data: Mapping[str, np.ndarray] | None = None,
     cell_data: Mapping[str, np.ndarray] | None = None,

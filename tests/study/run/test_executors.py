@@ -134,9 +134,22 @@ def test_process_that_was_killed_between_cases_is_followed_by_another(members):
             assert place.submit(case_call(member, "curve", ())).result() == 0
             ((process, _),) = _processes(member)
             os.kill(process, signal.SIGKILL)
-            while pathlib.Path(f"/proc/{process}/stat").read_text().split()[2] != "Z":
+            while not _is_dead(process):
                 time.sleep(0.05)
     assert len({_processes(member)[-1] for member in members[:2]}) == 2
+
+
+def _is_dead(process):
+    """Whether all threads of a killed process have gone, so that its parent can be told."""
+    state = pathlib.Path(f"/proc/{process}/stat").read_text().split()[2]
+    return state == "Z" and len(os.listdir(f"/proc/{process}/task")) == 1
+
+
+def test_memory_of_a_process_is_not_that_of_the_one_that_began_it():
+    large = bytearray(os.urandom(1_000_000)) * 400
+    program = "import study.cli.case_process as p; print(p._memory())"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert 1e6 < int(done.stdout) < len(large)
 
 
 @pytest.mark.parametrize("limit", ["MOST_CASES = 1", "MOST_MEMORY = 1"])

@@ -21,6 +21,8 @@ Unit = Literal["mm", "cm"]
 LengthUnit = Annotated[Unit, Word(text="length unit of its coordinates")]
 Point = tuple[float, float, float]
 
+_SIZED_LINE = "CT centre line with radii: x, y, z, radius in mm as text, or VTP"
+
 
 @dataclass(frozen=True)
 class IvusState:
@@ -84,7 +86,7 @@ class IvusAnatomy:
     aorta_centerline: Annotated[
         pathlib.Path | None,
         Location(
-            described="CT centre line with radii: x, y, z, radius in mm as text, or VTP",
+            described=_SIZED_LINE,
             text="the aorta's own course and size; needs centerline",
             example="aorta_centerline.csv",
         ),
@@ -99,7 +101,7 @@ class IvusAnatomy:
     normal_centerline: Annotated[
         pathlib.Path | None,
         Location(
-            described="CT centre line with radii: x, y, z, radius in mm as text, or VTP",
+            described=_SIZED_LINE,
             text="stem of the normal coronary; needs aorta_centerline",
             example="left_centerline.csv",
         ),

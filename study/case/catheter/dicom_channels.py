@@ -117,9 +117,7 @@ def read_channels(path: pathlib.Path) -> list[Channel]:
                 channels += _channels(group, little)
         except _Damaged as error:
             raise refusal(path, str(error), _AGAIN) from None
-        except (
-            Exception
-        ):  # pydicom reads each element when asked: anything may come of a damaged one
+        except Exception:  # pydicom reads an element when asked: a damaged one may raise anything
             raise refusal(path, "its waveforms are damaged", _AGAIN) from None
     if not channels:
         raise refusal(path, "it holds no waveform", _AGAIN)

@@ -24,7 +24,7 @@ BENCHMARKS = (
     "published",
     "mesh_error",
 )
-LONG = ("devices", "sensitivity", "convergence", "wall_steps", "beats", "coverage_3d")
+LONG = ("devices", "sensitivity", "convergence", "wall_steps", "beats", "coverage_3d", "nozzle")
 """Run only where they are named: ten minutes to hours on two cores."""
 
 

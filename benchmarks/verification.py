@@ -161,6 +161,7 @@ def expansion() -> Iterator[Figure]:
     yield in_band(name, "loss coefficient, laboratories", found.K, nozzle.LEAST, nozzle.MOST)
     theory = nozzle.boundary_layer_loss()
     yield figure(name, "loss coefficient, boundary layer", found.K, theory, 0.05)
+    yield figure(name, "loss coefficient, axisymmetric method", found.K, nozzle.REFERENCE, 0.01)
     start = float(np.interp(0.0, found.z, found.u))
     yield in_band(name, "velocity of the jet [cm/s]", start, nozzle.SLOWEST, nozzle.FASTEST)
     yield figure(name, "change of the loss in the last tenth", found.change, 0.0, 0.01)

@@ -132,7 +132,9 @@ def test_cylinder_in_a_channel_has_the_published_drag():
 
 def test_nozzle_loses_what_a_boundary_layer_does():
     found = nozzle.nozzle_flow(nozzle.nozzle_mesh(2), dt=5e-3, n_steps=240)
-    # 3.45 on this mesh, 3.38 on the next; theory leaves out the cone's friction
+    # theory leaves out the cone's friction
     assert found.K == pytest.approx(nozzle.boundary_layer_loss(), rel=0.06)
+    # 1.3 % too large on this mesh, 0.5 % on the next
+    assert found.K == pytest.approx(nozzle.REFERENCE, rel=0.02)
     assert nozzle.SLOWEST < np.interp(0.0, found.z, found.u) < nozzle.FASTEST
     assert found.change < 0.01

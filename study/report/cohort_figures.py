@@ -81,7 +81,11 @@ def agreement_figure(document: Document, condition: str, rule: str | None) -> st
     }
     whole = known.get(FIXED, 0) >= known.get(FIXED_0D, 0)
     boundaries = [b for b in (FIXED if whole else FIXED_0D, CALIBRATED) if b in known]
-    every = [p for p in document["pairs"] if (p["condition"], p["rule"]) == (condition, rule)]
+    every = [
+        p
+        for p in document["pairs"]
+        if (p["condition"], p["rule"]) == (condition, rule) and p["measured"] is not None
+    ]
     values = [p["predicted"] for p in every] + [p["measured"] for p in every]
     low, high = min(values) - 0.03, max(max(values) + 0.02, 1.0)
     span = 1.15 * max([abs(p["predicted"] - p["measured"]) for p in every] + [0.02])

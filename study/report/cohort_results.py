@@ -7,6 +7,8 @@
 | fixed, 0D | in mode `3d`: nominal outlet behind the curve of the ramp in 0D |
 | linear, curve | at rest in mode `3d`: the ratio in 3D with the α of either surrogate alone |
 
+A ratio that was not measured is predicted all the same; it has no part in the agreement.
+
 What calibration changes is told of the patients that have both boundaries: from `fixed` in 3D where
 such runs were made (`--nominal`), and from `fixed, 0D`.
 """
@@ -17,7 +19,7 @@ from typing import Any
 
 from study.case.anatomy import SyntheticAnatomy
 from study.case.model import Case
-from study.report.agreement import agreement
+from study.report.agreement import Agreement, agreement
 from study.report.cohort_rows import BOUNDARIES, LABELS, Pair, place_of
 from study.report.documents.cohort import (
     CohortChange,
@@ -72,14 +74,15 @@ def cohort_document(
         pairs += found
         patients.append(patient)
         intervals += own
+    compared = [pair for pair in pairs if pair.measured is not None]
     return CohortDocument(
         format=FORMAT,
         kind="cohort",
         mode=mode,
         patients=patients,
         pairs=pairs,
-        groups=list(_groups(pairs)),
-        changes=list(_changes(pairs)),
+        groups=list(_groups(compared)),
+        changes=list(_changes(compared)),
         provenance=provenance,
         intervals=intervals or ABSENT,
     )
@@ -138,7 +141,7 @@ def _pairs(result: MemberResult, case: Case, mode: Mode) -> Iterator[Pair]:
     values = _of_study(document) if mode == "3d" else _of_run(document)
     for condition, rule, boundary, predicted in values:
         entry = case.conditions.get(condition)
-        if entry is not None and entry.ffr is not None and predicted is not None:
+        if entry is not None and predicted is not None:
             yield Pair(
                 result.member.name, side, condition, rule, boundary, float(predicted), entry.ffr
             )
@@ -176,7 +179,7 @@ def _groups(pairs: Sequence[Pair]) -> Iterator[CohortGroup]:
         mine = [
             p for p in pairs if (p.condition, p.rule, p.boundary) == (condition, rule, boundary)
         ]
-        found = agreement([p.predicted for p in mine], [p.measured for p in mine])
+        found = _agreement(mine)
         yield CohortGroup(
             condition=condition,
             rule=rule,
@@ -190,8 +193,18 @@ def _groups(pairs: Sequence[Pair]) -> Iterator[CohortGroup]:
             r=_finite(found.r),
             bias_95=_finite(found.bias_95),
             limit_95=_finite(found.limit_95),
-            largest_error=max(abs(p.predicted - p.measured) for p in mine),
+            largest_error=max(abs(e) for e in _errors(mine)),
         )
+
+
+def _agreement(pairs: Sequence[Pair]) -> Agreement:
+    """Agreement of pairs that were all measured."""
+    measured = [p.measured for p in pairs if p.measured is not None]
+    return agreement([p.predicted for p in pairs], measured)
+
+
+def _errors(pairs: Sequence[Pair]) -> list[float]:
+    return [p.predicted - p.measured for p in pairs if p.measured is not None]
 
 
 def _finite(value: float) -> float | None:
@@ -211,10 +224,7 @@ def _changes(pairs: Sequence[Pair]) -> Iterator[CohortChange]:
             both = [name for name in fixed if name in tuned]
             if not both:
                 continue
-            before, after = (
-                agreement([part[n].predicted for n in both], [part[n].measured for n in both])
-                for part in (fixed, tuned)
-            )
+            before, after = (_agreement([part[n] for n in both]) for part in (fixed, tuned))
             yield CohortChange(
                 condition=condition,
                 rule=rule,

@@ -1,8 +1,9 @@
-"""Pairs of a cohort, predicted beside measured, and the order of their rows."""
+"""Predicted ratios of a cohort beside the measured ones, and the order of their rows."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from study.run.limits import FFR_THRESHOLD
 from study.store.result_names import CALIBRATED, CURVE, FIXED, FIXED_0D, PAPER
 
 LABELS = {PAPER: "linear", CURVE: "curve"}
@@ -25,7 +26,7 @@ class Pair(NamedTuple):
         rule: stress rule; None at rest.
         boundary: one of `BOUNDARIES`, see `study.report.cohort_results`.
         predicted: ratio [-].
-        measured: ratio [-].
+        measured: ratio [-]; None where none was measured.
     """
 
     patient: str
@@ -34,7 +35,7 @@ class Pair(NamedTuple):
     rule: str | None
     boundary: str
     predicted: float
-    measured: float
+    measured: float | None
 
 
 def pair_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -47,6 +48,25 @@ def pair_rows(document: Mapping[str, Any]) -> list[dict[str, Any]]:
         key = (*place_of((p.condition, p.rule)), p.patient)
         found.setdefault(key, row)["predicted"][p.boundary] = p.predicted
     return [found[key] for key in sorted(found)]
+
+
+def limit_counts(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Of each stress condition and rule the patients with a calibrated FFR at or below 0.80."""
+    found: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for row in pair_rows(document):
+        if row["rule"] is not None and CALIBRATED in row["predicted"]:
+            found.setdefault((row["condition"], row["rule"]), []).append(row)
+    return [
+        {
+            "condition": condition,
+            "rule": rule,
+            "n": len(rows),
+            "patients": [
+                row["patient"] for row in rows if row["predicted"][CALIBRATED] <= FFR_THRESHOLD
+            ],
+        }
+        for (condition, rule), rows in found.items()
+    ]
 
 
 def place_of(setting: tuple[str, str | None]) -> tuple[Any, ...]:

@@ -137,7 +137,7 @@ class CohortDocument:
         kind: `cohort`.
         mode: `curve` in 0D, `3d` the whole algorithm.
         patients: what became of each case.
-        pairs: predicted and measured ratios.
+        pairs: predicted ratios, beside the measured ones where there are any.
         groups: their agreement by condition, rule and boundary.
         changes: what calibration changes.
         provenance: inputs, options, versions.

@@ -38,6 +38,7 @@ P_venous_mmHg = {venous}
 def _write(folder, name, rest, stress, venous=0.0):
     (folder / name).mkdir(parents=True)
     text = CASE.format(name=name, rest=rest, stress=stress, venous=venous)
+    text = text.replace("ffr = None\n", "")
     (folder / name / "case.toml").write_text(text)
 
 
@@ -94,6 +95,20 @@ def test_groups_hold_the_differences_of_the_cases(cohort):
     page = (cohort.folder / "cohort.html").read_text()
     assert page.count("<svg") == 3
     assert f"{predicted:.4f} ({errors[0]:+.4f})".replace("-", "−") in page
+
+
+def test_stress_that_was_not_measured_is_predicted(command, tmp_path):
+    _write(tmp_path / "patients", "low", 0.75, None)
+    _write(tmp_path / "patients", "high", 0.96, None)
+    found = _cohort(command, tmp_path / "patients", tmp_path / "out")
+    stress = [p for p in found.json["pairs"] if p["condition"] == "dobutamine"]
+    assert {p["patient"] for p in stress} == {"low", "high"}
+    assert all(p["measured"] is None and 0.0 < p["predicted"] < 1.0 for p in stress)
+    assert {g["condition"] for g in found.json["groups"]} == {"rest"}
+    page = (tmp_path / "out" / "cohort.html").read_text()
+    assert "Dobutamine, rule “all”: FFR of 0.80 or less in 1 of 2 patients (low)" in page
+    low = next(p for p in stress if p["patient"] == "low" and p["boundary"] == "calibrated")
+    assert f"<td>{low['predicted']:.4f}</td>" in page  # no difference in brackets behind it
 
 
 @pytest.mark.slow

@@ -56,6 +56,7 @@ from diagnosis.scan import Scan
 from diagnosis.singles import single_fits
 from diagnosis.verdict import (
     PRIOR,
+    UNKNOWN,
     Hypothesis,
     Judgement,
     judge,
@@ -108,6 +109,12 @@ class Diagnosis(NamedTuple):
     def base(self) -> Fitted:
         """The fit without any effect."""
         return self.fits[()]
+
+    @property
+    def known_part(self) -> Hypothesis:
+        """Effects that act beside something unknown, more likely than not; empty without any."""
+        likeliest = max(self.beside, key=lambda h: self.beside[h])
+        return likeliest if self.beside[likeliest] >= UNKNOWN else ()
 
     @property
     def best(self) -> Fitted:

@@ -7,8 +7,8 @@ pressure and error of the pressure ratio before and after, compared with noise a
 
 The prediction after the diagnosis averages all hypotheses by their probabilities (Hoeting et al.
 1999, Stat Sci 14:382), with the base model for "unknown" alone, and the effects known to act for
-"unknown" beside them. It is the base model alone if the verdict is "unknown" (nothing known can be
-added) or "no_gap" (nothing needs to be).
+"unknown" beside them. It is the base model alone if the verdict is "no_gap" (nothing needs to be
+added), or "unknown" without a part that is known.
 """
 
 from typing import NamedTuple
@@ -51,7 +51,8 @@ class HeldOut(NamedTuple):
 def expected_waves(diagnosis: Diagnosis) -> np.ndarray:
     """Predicted signals after the diagnosis, conditions × 3 sensors × samples [CGS]."""
     base = np.asarray(diagnosis.base.waves)
-    if diagnosis.judgement.verdict in ("unknown", "no_gap"):
+    verdict = diagnosis.judgement.verdict
+    if verdict == "no_gap" or (verdict == "unknown" and not diagnosis.known_part):
         return base
     change = np.zeros_like(base)
     for hypothesis, fitted in diagnosis.fits.items():

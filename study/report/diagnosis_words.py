@@ -77,9 +77,9 @@ def _several(diagnosis: Diagnosis) -> str:
 
 def _partly(diagnosis: Diagnosis, chance: float) -> str:
     """The verdict where something acts that is not in the catalogue."""
-    beside = max(diagnosis.beside, key=lambda h: diagnosis.beside[h])
-    if beside and diagnosis.beside[beside] >= 0.5:
-        parts = "; and ".join(find_effect(diagnosis.effects, name).sentence for name in beside)
+    if diagnosis.known_part:
+        known = (find_effect(diagnosis.effects, name).sentence for name in diagnosis.known_part)
+        parts = "; and ".join(known)
         return f"The gap is explained in part: {parts}. What is left is not in the catalogue."
     near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
     if diagnosis.judgement.closed and not diagnosis.judgement.confirmed:

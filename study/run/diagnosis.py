@@ -9,10 +9,13 @@ from typing import NamedTuple
 from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of, stacked
 from diagnosis.next_measurement import isolability
 from lumped.units import MMHG
+from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
+from study.case.model import Case
 from study.case.ostium import sd_log_of
 from study.case.read import read_case
 from study.case.record import record_path
+from study.run.patient import read_vessel
 from study.run.progress import Progress
 from study.store.options import RecordOptions
 from study.store.provenance import Provenance, origin
@@ -29,6 +32,9 @@ STEPS = {
     "writing the report": 15.0,
 }
 """Steps of a diagnosis and their usual seconds on 2 cores, with code compiled before."""
+
+_CONTOURS_SD_LOG = 0.3
+"""Standard deviation of ln R0 from contours: twice that of a ramp in 3D, as no bend is in it."""
 
 
 def diagnose_record(record: Record, richness: str | None, progress: Progress) -> Diagnosis:
@@ -99,6 +105,8 @@ def record_origin(command: Sequence[str], options: RecordOptions) -> Provenance:
     if case is not None and case.suffix != ".json" and case.is_file():
         beside = case.parent / f"{case.stem}-results" / STUDY_FILE
         files += [beside] if beside.is_file() else []
+        anatomy = read_case(case).anatomy
+        files += [anatomy.contours] if isinstance(anatomy, IvusAnatomy) else []
     return origin(files, file.parent, command, options)
 
 
@@ -108,10 +116,10 @@ def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
     Args:
         record: the record.
         place: a case file, a stored result of `jaxfsi study`, or its folder. A case that states no
-            R0 is looked up in the results beside it.
+            R0 is looked up in the results beside it; else its contours give R0 and K.
 
     Raises:
-        CaseError: the file is neither.
+        CaseError: the file is neither, or the contours of the case cannot be read.
     """
     if place.suffix == ".json" or (place / STUDY_FILE).is_file():
         return _with_ramp(record, place)
@@ -126,10 +134,25 @@ def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
         return changed, remark + other
     beside = case.path.parent / f"{case.path.stem}-results"
     if (beside / STUDY_FILE).is_file():
-        return _with_ramp(record, beside)
-    return record, (
-        f"The case {case.path.name} states no R0 below [surrogate] and no finished study lies in "
-        f"{beside.name}; the record's own was used.{other}"
+        changed, remark = _with_ramp(record, beside)
+        return changed, remark + other
+    changed, remark = _with_contours(record, case)
+    return changed, remark + other
+
+
+def _with_contours(record: Record, case: Case) -> tuple[Record, str]:
+    """What the contours of a case know of the ostium, ΔP = R0 Q + K Q|Q|; no study gives more."""
+    vessel = read_vessel(case)
+    if vessel is None:
+        return record, (
+            f"The case {case.path.name} states no R0 below [surrogate], has no contours, and no "
+            f"finished study lies in {case.path.stem}-results; the record's own was used."
+        )
+    R0, K = (float(part) for part in (vessel.losses.law.R0, vessel.losses.law.K))
+    known = dataclasses.replace(record, R0=R0, R0_sd_log=_CONTOURS_SD_LOG, K=max(K, 0.0))
+    return known, (
+        f"R0 = {R0 / MMHG:.3g} mmHg s/ml and K = {K / MMHG:.3g} mmHg s2/ml2 follow from the "
+        f"contours of {case.path.name}; the ramp of a finished study would tell more."
     )
 
 

@@ -15,11 +15,11 @@ _NAMES = {
     "time": {"time", "t", "zeit", "temps", "tiempo", "sec", "seconds", "timestamp", "s"},
     "aortic": {
         "p_aortic", "p_aorta", "aortic", "aorta", "pa", "p_a", "pao", "p_ao", "ao",
-        "aortic_pressure", "pressure_aortic", "aop",
+        "paorta", "paortic", "aortic_pressure", "pressure_aortic", "aop",
     },
     "distal": {
         "p_distal", "distal", "pd", "p_d", "distal_pressure", "pressure_distal", "wire",
-        "p_wire", "pw",
+        "p_wire", "pw", "pdistal", "pdist", "p_dist", "pwire",
     },
     "flow": {"q_coronary", "coronary_flow"},
 }  # fmt: skip

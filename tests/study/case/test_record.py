@@ -164,3 +164,26 @@ def test_case_of_another_patient_is_told(tmp_path, files):
             "[condition.rest]\nP_systolic_mmHg = 110.0\nP_diastolic_mmHg = 65.0\nperiod_s = 0.8\n"
         )
         assert ("other-patient" in with_case(record, case)[1]) == said
+
+
+def test_R0_comes_from_the_contours_of_a_case_without_a_study(tmp_path, files):
+    record, _ = read_record(write(tmp_path / "r", files))
+    angle = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    radius, length = 1.2, 12.0  # mm
+    rows = [
+        f"{k},{radius * np.cos(a):.6f},{radius * np.sin(a):.6f},{z}"
+        for k, z in enumerate(np.linspace(0.0, length, 13))
+        for a in angle
+    ]
+    (tmp_path / "contours.csv").write_text("\n".join(rows) + "\n")
+    case = tmp_path / "case.toml"
+    case.write_text(
+        f'[patient]\nid = "{record.id}"\n[anatomy]\nkind = "ivus"\ncontours = "contours.csv"\n'
+        "[condition.rest]\nP_systolic_mmHg = 110.0\nP_diastolic_mmHg = 65.0\nperiod_s = 0.8\n"
+    )
+    changed, remark = with_case(record, case)
+    poiseuille = 8.0 * 0.035 * 0.1 * length / (np.pi * (0.1 * radius) ** 4)
+    # 13 frames stand for 12 mm, or one spacing more
+    assert changed.R0 == pytest.approx(poiseuille, rel=0.2)
+    assert changed.K is not None and changed.K > 0.0
+    assert "contours" in remark

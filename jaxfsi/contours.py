@@ -2,7 +2,9 @@
 
 One point a line, separated by tabs, commas, or semicolons with decimal points or commas: frame
 number, x, y, z in millimetres. The points of a frame stand together and share their z; z = 0 is the
-distal end and the last frame is the ostium.
+distal end and the last frame is the ostium. A first line may name the columns, in any order and
+with others between; a column ``position`` in place of z counts from the ostium, and the frames may
+then stand in either order.
 
 The catheter moves back and forth with heart and breath while it is pulled, so the order in which
 frames were taken is not exactly their order along the vessel. Who has sorted them by eye keeps a
@@ -14,7 +16,7 @@ import itertools
 import math
 import os
 import pathlib
-from collections.abc import Iterable
+import re
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -33,8 +35,13 @@ _MAX_FAULTS_SHOWN = 8
 _HINT = (
     "Expected one point a line: frame number, x, y, z in mm, separated by tabs, commas or "
     "semicolons; frames from the distal end (z = 0) to the ostium, each with the same number of "
-    "points."
+    "points. A first line may name the columns: frame, x, y, and z, or position (mm from the "
+    "ostium)."
 )
+
+
+_FRAME, _POSITION = {"frame", "frame_number", "number", "nr", "bild", "image"}, {"position", "pos"}
+_UNIT = re.compile(r"[\[(]\s*(\w*)\s*[\])]")
 
 
 class _Frame(NamedTuple):
@@ -65,7 +72,7 @@ def read_frames(path: pathlib.Path) -> dict[int, FrameContour]:
     Raises:
         ValueError: the file cannot be read as described.
     """
-    frames = _parse(path, read_separated(path, "\t").splitlines())
+    frames = _parse(path)
     contours = _contours(path, frames)
     return {
         frame.number: FrameContour(frame.z_mm, points)
@@ -93,7 +100,7 @@ def read_ivus_contours(
             of every fault.
     """
     path = pathlib.Path(path)
-    frames = _parse(path, read_separated(path, "\t").splitlines())
+    frames = _parse(path)
     contours = _contours(path, frames)
     z_mm = np.array([frame.z_mm for frame in frames])
     if frame_table is None:
@@ -120,16 +127,48 @@ def _number(field: str) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _parse(path: pathlib.Path, lines: Iterable[str]) -> list[_Frame]:
+def _rows(path: pathlib.Path) -> list[tuple[int, list[str]]]:
+    """Lines that are not blank, with their number and their fields; frame, x, y, z if named."""
+    lines = enumerate(read_separated(path, "\t").splitlines(), start=1)
+    rows = [(i, line.split("\t")) for i, line in lines if line.strip()]
+    if not rows or any(_number(field) is not None for field in rows[0][1]):
+        return rows
+    names = [_UNIT.sub("", name).strip().lower().replace(" ", "_") for name in rows[0][1]]
+    units = {unit.lower() for name in rows[0][1] for unit in _UNIT.findall(name)}
+    at = [
+        next((k for k, name in enumerate(names) if name in spelt), None)
+        for spelt in (_FRAME, {"x"}, {"y"}, {"z", *_POSITION})
+    ]
+    frame, x, y, z = at
+    if frame is None or x is None or y is None or z is None:
+        raise _refuse(path, [f"line {rows[0][0]}: the columns are {', '.join(names)}"])
+    if units - {"mm", ""}:
+        raise _refuse(path, [f"line {rows[0][0]}: units {', '.join(sorted(units))}, not mm"])
+    wide = max(frame, x, y, z)
+    rows = [(i, [*fields, *[""] * wide]) for i, fields in rows[1:]]
+    rows = [(i, [fields[k] for k in (frame, x, y, z)]) for i, fields in rows]
+    return _from_distal_end(rows) if names[z] in _POSITION else rows
+
+
+def _from_distal_end(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Rows whose last field counts from the ostium, with z from the distal end, sorted by it."""
+    positions = [_number(fields[3]) for _, fields in rows]
+    known = [p for p in positions if p is not None]
+    if len(known) < len(rows):
+        return rows  # what is no number is told by who reads them
+    z = [max(known) - p for p in known]
+    moved = [(i, [*fields[:3], repr(h)]) for (i, fields), h in zip(rows, z, strict=True)]
+    return [moved[k] for k in sorted(range(len(rows)), key=z.__getitem__)]
+
+
+def _parse(path: pathlib.Path) -> list[_Frame]:
     """Group the points by frame, in the order of the file; report every faulty line at once."""
     faults: list[str] = []
     frames: list[_Frame] = []
     seen: set[int] = set()
-    for i, line in enumerate(lines, start=1):
-        if not line.strip():
-            continue
-        fields = line.split("\t")
+    for i, fields in _rows(path):
         if len(fields) != 4:
+            line = "\t".join(fields)
             faults.append(f"line {i}: {len(fields)} values instead of 4 ({line[:40]!r})")
             continue
         values = [_number(field) for field in fields]

@@ -32,6 +32,30 @@ def test_frames_run_from_the_ostium_downstream_in_cm(tmp_path):
     np.testing.assert_allclose(lumen.calipers.major, [0.8, 0.6, 0.4], rtol=1e-5)
 
 
+def test_columns_may_be_named_and_positions_count_from_the_ostium(tmp_path):
+    plain = read_ivus_contours(write(tmp_path / "a.csv", rows()))
+    named = [["Frame", "note", "Position [mm]", "x [mm]", "y"]]
+    named += [[k, "-", f"{3.0 - float(z):g}", x, y] for k, x, y, z in rows()]
+    other = read_ivus_contours(write(tmp_path / "b.csv", named))
+    np.testing.assert_allclose(other.contours, plain.contours)
+    np.testing.assert_allclose(other.s, plain.s, atol=1e-12)
+    backwards = [named[0], *sorted(named[1:], key=lambda row: float(row[2]))]  # the ostium first
+    other = read_ivus_contours(write(tmp_path / "c.csv", backwards))
+    np.testing.assert_allclose(other.contours, plain.contours)
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (["frame", "x", "y", "height"], "the columns are frame, x, y, height"),
+        (["frame", "x [cm]", "y [cm]", "z [cm]"], "units cm, not mm"),
+    ],
+)
+def test_named_columns_that_cannot_be_used_are_told(tmp_path, header, said):
+    with pytest.raises(ValueError, match=said):
+        read_ivus_contours(write(tmp_path / "c.csv", [header, *rows()]))
+
+
 def test_byte_order_mark_closing_point_and_sense_of_rotation_do_not_matter(tmp_path):
     plain = read_ivus_contours(write(tmp_path / "a.csv", rows()))
     closed = []

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxfsi.anatomy.sources.external_wall import ExternalWall, read_external_wall
-from jaxfsi.contours import read_ivus_contours
+from jaxfsi.contours import read_frames, read_ivus_contours
 from jaxfsi.lumen import Lumen
 from jaxfsi.text_files import read_separated, read_table
 from lumped.units import MM
@@ -80,9 +80,9 @@ def read_pullback(
     """
     lumen = read_ivus_contours(contours, frame_table=frame_table)
     points = np.asarray(lumen.contours)
-    z_mm = _frame_heights(pathlib.Path(contours))
+    z_mm = {number: f.z_mm for number, f in read_frames(pathlib.Path(contours)).items()}
     _check_length(pathlib.Path(contours), float(np.ptp(list(z_mm.values()))), "z spans")
-    numbers = _frame_numbers(pathlib.Path(contours))
+    numbers = np.array(list(z_mm))
     septum = np.full(len(numbers), np.nan)
     if frame_table is None:
         numbers = numbers[::-1]
@@ -153,18 +153,6 @@ def _aortic_directions(
 def _rows(path: pathlib.Path) -> list[list[str]]:
     lines = read_separated(path, "\t").splitlines()
     return [line.split("\t") for line in lines if line.strip()]
-
-
-def _frame_numbers(path: pathlib.Path) -> Int[np.ndarray, " frames"]:
-    """Frame numbers in the order of the file, which `read_ivus_contours` has checked."""
-    column = np.array([int(float(row[0])) for row in _rows(path)])
-    _, first = np.unique(column, return_index=True)
-    return column[np.sort(first)]
-
-
-def _frame_heights(path: pathlib.Path) -> dict[int, float]:
-    """Height z of each frame [mm] in a file that `read_ivus_contours` has checked."""
-    return {int(float(row[0])): float(row[3]) for row in _rows(path)}
 
 
 def _check_length(path: pathlib.Path, length_mm: float, what: str) -> None:

@@ -185,5 +185,6 @@ def test_R0_comes_from_the_contours_of_a_case_without_a_study(tmp_path, files):
     poiseuille = 8.0 * 0.035 * 0.1 * length / (np.pi * (0.1 * radius) ** 4)
     # 13 frames stand for 12 mm, or one spacing more
     assert changed.R0 == pytest.approx(poiseuille, rel=0.2)
-    assert changed.K is not None and changed.K > 0.0
+    assert changed.K is not None
+    assert changed.K > 0.0
     assert "contours" in remark

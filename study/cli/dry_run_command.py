@@ -72,7 +72,8 @@ def _lines(
         usual = f"  about {_span(part.seconds or 0.0)}" if known else ""
         yield f"  {part.state:<12}{part.name}{usual}"
     if any(part.state in (ANEW, BEGUN) and part.seconds for part in parts):
-        yield "times are those of a usual machine with 2 cores"
+        yield "times are those of a usual machine with 2 cores; the first run on a machine also"
+        yield "compiles, for one to four minutes"
 
 
 def _span(seconds: float) -> str:

@@ -128,8 +128,8 @@ def waveforms(document: Document) -> str:
             t, trace = np.array(entry["t_s"]), entry["traces"]["P_distal"]
             if trace["measured"] is not None:
                 wave, sd = np.array(trace["measured"]), document["noise"]["pressure_sd_mmHg"]
-                axes.fill_between(t, wave - 2 * sd, wave + 2 * sd, color="#dfe3e8", linewidth=0,
-                                  label="measured ± 2 sd")  # fmt: skip
+                axes.fill_between(t, wave - 2 * sd, wave + 2 * sd, color="#dfe3e8", linewidth=0)
+                axes.plot(t, wave, color=INK, linewidth=1.0, label="measured ± 2 sd")
             axes.plot(t, trace["before"], color=RED, linestyle=(0, (4, 2)), label="base model")
             axes.plot(t, trace["after"], color=COLOURS[0], label="after the diagnosis")
             held = " (held out)" if entry["held_out"] else ""

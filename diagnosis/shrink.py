@@ -8,7 +8,8 @@ pressure and error of the pressure ratio before and after, compared with noise a
 The prediction after the diagnosis averages all hypotheses by their probabilities (Hoeting et al.
 1999, Stat Sci 14:382), with the base model for "unknown" alone, and the effects known to act for
 "unknown" beside them. It is the base model alone if the verdict is "no_gap" (nothing needs to be
-added), or "unknown" without a part that is known.
+added), or "unknown" without a part that is known, or with one that comes no nearer to the traces
+that were fitted: much of a free aortic pressure may then lie in what the evidence integrates over.
 """
 
 from typing import NamedTuple
@@ -60,7 +61,19 @@ def expected_waves(diagnosis: Diagnosis) -> np.ndarray:
         p += diagnosis.beside.get(hypothesis, 0.0)
         if hypothesis and p > 1e-6 and fitted.sound:
             change += p * (np.asarray(fitted.waves) - base)
-    return base + change
+    after = base + change
+    if verdict == "unknown" and _misses(diagnosis, after) >= _misses(diagnosis, base):
+        return base
+    return after
+
+
+def _misses(diagnosis: Diagnosis, waves: np.ndarray) -> float:
+    """Sum of squares of what is missed of the traces that were fitted, in units of their noise."""
+    record = diagnosis.record
+    measured, sd = np.asarray(record.waves), np.asarray(record.wave_sd)
+    fitted = np.isfinite(sd) & (np.asarray(record.held_out) < 0.5)[:, None]
+    z = (waves[:, : sd.shape[1]] - measured) / np.where(fitted, sd, np.inf)[..., None]
+    return float(np.sum(np.where(fitted[..., None], z, 0.0) ** 2))
 
 
 def fitted_gap(diagnosis: Diagnosis) -> Shrink:

@@ -12,12 +12,17 @@ from diagnosis.shrink import expected_waves
 BASE, KNOWN = np.zeros((1, 3, 4)), np.ones((1, 3, 4))
 
 
-def _diagnosis(verdict, probabilities, beside):
+def _diagnosis(verdict, probabilities, beside, measured=KNOWN):
     blank = Fitted(**dict.fromkeys(Fitted._fields))._replace(sound=np.array(True))
     fits = {(): blank._replace(waves=BASE), ("delay",): blank._replace(waves=KNOWN)}
     fields = dict.fromkeys(Diagnosis._fields)
+    record = SimpleNamespace(
+        waves=measured[:, :2], wave_sd=np.array([[0.1, np.inf]]), held_out=np.zeros(1)
+    )
     judgement = SimpleNamespace(verdict=verdict, probabilities=probabilities)
-    return Diagnosis(**fields | {"judgement": judgement, "fits": fits, "beside": beside})
+    return Diagnosis(
+        **fields | {"record": record, "judgement": judgement, "fits": fits, "beside": beside}
+    )
 
 
 @pytest.mark.parametrize(
@@ -32,6 +37,12 @@ def _diagnosis(verdict, probabilities, beside):
 def test_prediction_keeps_what_is_known_to_act(verdict, probabilities, beside, share):
     found = _diagnosis(verdict, probabilities, beside)
     np.testing.assert_allclose(expected_waves(found), share * KNOWN, rtol=1e-12)
+
+
+def test_part_that_comes_no_nearer_to_the_traces_is_left_out():
+    beside = {(): 0.0, ("delay",): 1.0}
+    found = _diagnosis("unknown", {"none": 0.0, "delay": 0.0}, beside, measured=-KNOWN)
+    np.testing.assert_array_equal(expected_waves(found), BASE)
 
 
 def test_known_part_is_what_acts_beside_the_unknown_more_likely_than_not():

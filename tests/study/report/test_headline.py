@@ -152,7 +152,7 @@ def judged(verdict_: str, none: float) -> Any:
         closed=False,
         confirmed=True,
     )
-    return types.SimpleNamespace(judgement=judgement, effects=(), beside={(): 1.0})
+    return types.SimpleNamespace(judgement=judgement, effects=(), beside={(): 1.0}, known_part=())
 
 
 @pytest.mark.parametrize("verdict_", ["ambiguous", "unknown"])

@@ -25,7 +25,7 @@ BENCHMARKS = (
     "mesh_error",
 )
 LONG = ("devices", "sensitivity", "convergence", "wall_steps", "beats", "coverage_3d", "nozzle")
-"""Run only where they are named: ten minutes to hours on two cores."""
+"""Run only where they are named: minutes to hours on two cores."""
 
 
 def main() -> int:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of, stacked
 from diagnosis.next_measurement import isolability
 from lumped.units import MMHG
-from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.ostium import sd_log_of
@@ -17,6 +16,7 @@ from study.case.read import read_case
 from study.case.record import record_path
 from study.run.patient import read_vessel
 from study.run.progress import Progress
+from study.store.case_inputs import input_files
 from study.store.options import RecordOptions
 from study.store.provenance import Provenance, origin
 from study.store.result_files import STUDY_FILE
@@ -100,14 +100,13 @@ def record_origin(command: Sequence[str], options: RecordOptions) -> Provenance:
     """
     file, case = record_path(options.record), options.case
     files = [file, *sorted(file.parent.glob("*.csv"))]
-    if case is not None:
-        files.append(case / STUDY_FILE if case.is_dir() else case)
     if case is not None and case.suffix != ".json" and case.is_file():
         beside = case.parent / f"{case.stem}-results" / STUDY_FILE
+        files += input_files(read_case(case))
         files += [beside] if beside.is_file() else []
-        anatomy = read_case(case).anatomy
-        files += [anatomy.contours] if isinstance(anatomy, IvusAnatomy) else []
-    return origin(files, file.parent, command, options)
+    elif case is not None:
+        files.append(case / STUDY_FILE if case.is_dir() else case)
+    return origin(list(dict.fromkeys(files)), file.parent, command, options)
 
 
 def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:

@@ -24,7 +24,16 @@ BENCHMARKS = (
     "published",
     "mesh_error",
 )
-LONG = ("devices", "sensitivity", "convergence", "wall_steps", "beats", "coverage_3d", "nozzle")
+LONG = (
+    "devices",
+    "sensitivity",
+    "convergence",
+    "wall_steps",
+    "beats",
+    "coverage_3d",
+    "nozzle",
+    "gpu",
+)
 """Run only where they are named: minutes to hours on two cores."""
 
 

@@ -12,7 +12,7 @@ import os
 import pathlib
 import resource
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import equinox as eqx
@@ -21,15 +21,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.timing import in_turn, timed
-from jaxfsi.core.laws.mesh_motion import mesh_displacement
-from jaxfsi.core.solve.newton import single
-from jaxfsi.core.solve.preconditioner import precondition
-from jaxfsi.core.solve.tangent import apply_elements, step_tangent
-from jaxfsi.core.step.equations import begin_step, extrapolated, relinearised, residual
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, WallElement
 from jaxfsi.core.step.state import State, initial_state
-from jaxfsi.core.step.step import at_ports
 from jaxfsi.core.step.stepper import Stepper, prepare
 from jaxfsi.mesh import Mesh
 from jaxfsi.simulation.field_series import FieldSeries
@@ -131,56 +125,10 @@ def _difference(found: jax.Array, exact: jax.Array) -> float:
     return float(jnp.linalg.norm(found - exact) / jnp.linalg.norm(exact))
 
 
-_Parts = dict[str, tuple[float, Callable[..., Any], tuple[Any, ...]]]
-"""Calls a step, function and arguments, by name."""
-
-
-def _parts(model: Model, state: State, stepper: Stepper, whole: dict[str, Any]) -> _Parts:
-    """The parts of a step, in the state where it begins."""
-    method = stepper.method
-    step = eqx.filter_jit(begin_step)(stepper.dt, model, state, method, stepper.motion)
-    y = extrapolated(state.t + stepper.dt, model, state)
-    y_single, model_single, step_single = single((y, model, step))
-    about = eqx.filter_jit(step_tangent)(y_single, model_single, step_single, method)
-    a, b = (jnp.arange(8e6) + i for i in range(2))
-    n, systems = whole["iterations"], whole["systems"]
-
-    return {
-        "mesh motion": (1.0, mesh_displacement, (stepper.motion, state.d)),
-        "geometry, motion and coefficients": (
-            1.0,
-            lambda model, state: begin_step(stepper.dt, model, state, method, stepper.motion),
-            (model, state),
-        ),
-        "residual with its coefficients": (
-            1.0 + systems,
-            lambda y, model, step: residual(y, model, relinearised(y, model, step, method), method),
-            (y, model, step),
-        ),
-        "tangent": (
-            systems,
-            lambda y, model, step: step_tangent(y, model, step, method),
-            (y_single, model_single, step_single),
-        ),
-        "product with the tangent": (
-            n,
-            lambda about, v, model, step: apply_elements(about, v, model, step, method),
-            (about, y_single, model_single, step_single),
-        ),
-        "preconditioner": (n, precondition, (stepper.preconditioner, *y_single)),
-        "flows and pressures of ports": (
-            1.0,
-            lambda y, model, step: at_ports(y, model, step, method),
-            (y, model, step),
-        ),
-        "triad a + 3 b, 8 million": (0.0, lambda a, b: a + 3.0 * b, (a, b)),
-    }
-
-
 def _profile(
     mesh: Mesh, model: Model, state: State, stepper: Stepper, whole: dict[str, Any], rounds: int
 ) -> Iterator[dict[str, Any]]:
-    parts = _parts(model, state, stepper, whole)
+    parts = step_parts(model, state, stepper, whole)
     calls = {}
     for name, (_, function, arguments) in parts.items():
         compiled = eqx.filter_jit(function)

@@ -15,13 +15,18 @@ import jax
 import jax.numpy as jnp
 from jax.sharding import Mesh, PartitionSpec
 
+from lumped.device import on_cpu
+
 BATCH = 200
-"""Cases a chunk: the waveforms of one chunk stay in the second-level cache."""
+"""Cases a chunk on a CPU: the waveforms of one chunk stay in the second-level cache."""
+
+ACCELERATOR_BATCH = 50_000
+"""Cases a chunk on an accelerator: enough to keep it busy, and a gigabyte of waveforms."""
 
 _AXIS = "cases"
 
 
-def map_cases(function: Callable[[Any], Any], cases: Any, *, batch_size: int = BATCH) -> Any:
+def map_cases(function: Callable[[Any], Any], cases: Any, *, batch_size: int | None = None) -> Any:
     """Apply a function to every case of a pytree whose leaves have a leading axis or none.
 
     With ``jax.default_device`` set, that device does all.
@@ -29,7 +34,7 @@ def map_cases(function: Callable[[Any], Any], cases: Any, *, batch_size: int = B
     Args:
         function: of one case; it gives a pytree of arrays.
         cases: pytree whose array leaves have a leading axis (cases,), or none where all share them.
-        batch_size: cases a chunk.
+        batch_size: cases a chunk; None: what suits the device.
 
     Returns:
         The results, each with a leading axis (cases,), in the order of the cases.
@@ -37,6 +42,8 @@ def map_cases(function: Callable[[Any], Any], cases: Any, *, batch_size: int = B
     Raises:
         ValueError: the axes differ in length, or there is no case or no chunk.
     """
+    if batch_size is None:
+        batch_size = BATCH if on_cpu() else ACCELERATOR_BATCH
     split, shared = eqx.partition(cases, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0)
     n = length(split)
     if n < 1 or batch_size < 1:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from calibration.alpha import AlphaFit, calibrate_alpha
-from calibration.cases import BATCH, length, map_cases
+from calibration.cases import length, map_cases
 from lumped import (
     RESULTS,
     AbstractPeriodicSolver,
@@ -54,7 +54,7 @@ def simulate_many(
     *,
     rule: StressRule | None = None,
     n_samples: int = 256,
-    batch_size: int = BATCH,
+    batch_size: int | None = None,
     waveforms: bool = True,
 ) -> Sweep:
     """Periodic states of surrogates in their conditions, pair by pair.
@@ -65,7 +65,7 @@ def simulate_many(
         conditions: likewise.
         rule: stress rule, likewise; None at rest.
         n_samples: samples a period.
-        batch_size: cases a chunk.
+        batch_size: cases a chunk; None: what suits the device.
         waveforms: keep the waveforms, not only the metrics.
 
     Returns:
@@ -84,7 +84,7 @@ def _simulate(
     rule: StressRule | None,
     *,
     n_samples: int,
-    batch_size: int,
+    batch_size: int | None,
     keep: bool,
 ) -> Sweep:
     solver: AbstractPeriodicSolver = (
@@ -115,7 +115,7 @@ def sweep_alpha(
     *,
     rule: StressRule | None = None,
     n_samples: int = 256,
-    batch_size: int = BATCH,
+    batch_size: int | None = None,
     waveforms: bool = True,
 ) -> Sweep:
     """Periodic states of one patient over scale factors.
@@ -126,7 +126,7 @@ def sweep_alpha(
         alphas: scale factors [-], shape (n,).
         rule: stress rule, None at rest.
         n_samples: samples a period.
-        batch_size: cases a chunk.
+        batch_size: cases a chunk; None: what suits the device.
         waveforms: keep the waveforms, not only the metrics.
     """
     scaled = eqx.tree_at(lambda s: s.alpha, surrogate, jnp.asarray(alphas, float))
@@ -171,7 +171,7 @@ def calibrate_many(
     targets: Parameter,
     *,
     derivatives: bool = False,
-    batch_size: int = BATCH,
+    batch_size: int | None = None,
 ) -> Calibrations:
     """Calibrate α for many patients at once.
 
@@ -180,7 +180,7 @@ def calibrate_many(
         conditions: likewise.
         targets: measured resting pressure ratios, shape (cases,).
         derivatives: also the exact derivatives of every α with respect to all of its data.
-        batch_size: cases a chunk.
+        batch_size: cases a chunk; None: what suits the device.
 
     Returns:
         Scale factors; NaN, with the reason in `fit.result`, for patients without one. Their
@@ -199,7 +199,7 @@ def _calibrate(
     targets: Array,
     *,
     derivatives: bool,
-    batch_size: int,
+    batch_size: int | None,
 ) -> Calibrations:
     def alpha(data: Any) -> tuple[Array, AlphaFit]:
         fit = calibrate_alpha(*data, throw=False)

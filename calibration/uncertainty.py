@@ -30,7 +30,7 @@ from jaxtyping import Array, Float
 from scipy.special import betainc, ndtri
 from scipy.stats import qmc
 
-from calibration.cases import BATCH, map_cases
+from calibration.cases import map_cases
 from calibration.interval import Uncertainty, tail_of
 from calibration.reweighting import LEAST_EFFECTIVE, Evidence, agreeing, drawn_again
 from calibration.spreads import EDGE, AbstractSpread
@@ -51,7 +51,7 @@ def uncertainty(
     runs: Sequence[Runs] = (),
     bounds: tuple[float, float] = (-np.inf, np.inf),
     n_samples: int = 2**12,
-    batch_size: int = BATCH,
+    batch_size: int | None = None,
     seed: int = 0,
 ) -> Uncertainty:
     """The uncertainty of a scalar.
@@ -66,7 +66,7 @@ def uncertainty(
         bounds: least and largest value that the scalar can have: a correction by runs that goes
             beyond is held there.
         n_samples: samples, rounded up to a power of two.
-        batch_size: samples evaluated at once.
+        batch_size: samples evaluated at once; None: what suits the device.
         seed: of the scrambling.
 
     Raises:
@@ -132,7 +132,7 @@ def evaluate(
     n_runs: int,
     *,
     name: str = "model",
-    batch_size: int = BATCH,
+    batch_size: int | None = None,
     seed: int = 0,
 ) -> Runs:
     """A costly and a cheap scalar at a few inputs, for `uncertainty` of the cheap one.
@@ -143,7 +143,7 @@ def evaluate(
         inputs: see `uncertainty`.
         n_runs: runs, rounded up to a power of two.
         name: of the costly scalar.
-        batch_size: runs made at once.
+        batch_size: runs made at once; None: what suits the device.
         seed: of the scrambling.
     """
     z = standard_normals(n_runs, len(inputs), seed)
@@ -161,7 +161,7 @@ def interval_bounds(
     *,
     level: float = 0.9,
     n_samples: int = 2**12,
-    batch_size: int = BATCH,
+    batch_size: int | None = None,
     seed: int = 0,
 ) -> Float[Array, "2"]:
     """Lower and upper bound of a scalar's interval, differentiable by the numbers of the inputs.
@@ -234,7 +234,7 @@ class _Model(NamedTuple):
     functions: tuple[Any, ...]
     corrections: tuple[Correction, ...]
     bounds: tuple[float, float]
-    batch_size: int
+    batch_size: int | None
 
 
 def _traced(tree: Any) -> Any:
@@ -254,13 +254,13 @@ def _sloped(z, names, spreads, scalar) -> tuple[Array, Array]:
 
 
 @eqx.filter_jit
-def _evaluated(z, names, spreads, scalar, batch_size: int) -> Array:
+def _evaluated(z, names, spreads, scalar, batch_size: int | None) -> Array:
     """The scalar at each sample."""
     return map_cases(lambda z: scalar(_inputs(z, names, spreads)), z, batch_size=batch_size)
 
 
 @eqx.filter_jit
-def _predicted(z, values, names, spreads, functions, batch_size: int) -> tuple[Array, ...]:
+def _predicted(z, values, names, spreads, functions, batch_size: int | None) -> tuple[Array, ...]:
     """What each sample predicts of the evidence."""
 
     def row(sample: tuple[Array, Array]) -> tuple[Array, ...]:

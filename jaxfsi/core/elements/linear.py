@@ -22,6 +22,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from lumped.device import on_cpu
+
 Tree = TypeVar("Tree")
 
 
@@ -70,13 +72,14 @@ def fusion_barrier(values: Tree, shape: _Elements) -> Tree:
     thirty results that use the same stress would compute it thirty times. The branches of a
     condition are the boundary that it respects. Between the coefficients of the blood's equations
     and its residual, and before the forces of the corners, it halves the time of a residual;
-    around every stage it costs more than it saves.
+    around every stage it costs more than it saves. An accelerator would wait for the host at each
+    condition, and gets none.
 
     Args:
         values: arrays of element values.
         shape: of the elements; tells whether there are any, which is not known when compiling.
     """
-    if not shape.volume.size:
+    if not shape.volume.size or not on_cpu():
         return values
     return jax.lax.cond(
         shape.volume[0] != 0.0, lambda v: v, lambda v: jax.tree.map(jnp.zeros_like, v), values

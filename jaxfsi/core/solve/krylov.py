@@ -1,10 +1,18 @@
 """Flexible GMRES for an operator and a preconditioner given as functions.
 
 Right preconditioned, without restart: the basis has room for as many vectors as iterations are
-allowed. Gram-Schmidt in its modified form keeps the basis orthogonal to round-off times the factor
-by which the residual was reduced: enough for what single precision can reduce it.
+allowed. Gram-Schmidt keeps the basis orthogonal to round-off times the factor by which the residual
+was reduced: enough for what single precision can reduce it. On a CPU its modified form reads the
+rows in use alone; on an accelerator, where each row would cost two kernels and a wait for the host,
+its classical form runs twice over all rows.
 
-Source: Saad 1993, A flexible inner-outer preconditioned GMRES algorithm, algorithm 2.2.
+The least residual comes without solving for the solution. The unit vector ν that is orthogonal to
+the columns of the Hessenberg matrix H gains one entry with each column h of k + 2 numbers::
+
+    min |β e₁ − H y| = β |ν₀|,    ν ← (h_{k+1} ν, −ν·h) / norm
+
+Source: Saad 1993, A flexible inner-outer preconditioned GMRES algorithm, algorithm 2.2; Giraud,
+Langou & Rozložník 2005, Comput. Math. Appl. 50:1069, for the classical form run twice.
 """
 
 from collections.abc import Callable
@@ -13,6 +21,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+from lumped.device import on_cpu
 
 Vector = Float[Array, " n"]
 
@@ -33,7 +43,7 @@ class KrylovSolution(NamedTuple):
 
 def euclidean_norm(v: Vector) -> Float[Array, ""]:
     """Euclidean norm, as a product: XLA on a CPU takes three times as long for the sum."""
-    return jnp.sqrt(jnp.vdot(v, v))
+    return jnp.sqrt(jnp.vdot(v, v, precision="highest"))
 
 
 class _Arnoldi(NamedTuple):
@@ -41,7 +51,35 @@ class _Arnoldi(NamedTuple):
     basis: Float[Array, "rows n"]
     directions: Float[Array, "m n"]
     hessenberg: Float[Array, "rows m"]
+    normal: Float[Array, " rows"]
     residual: Float[Array, ""]
+
+
+def _orthogonal(
+    w: Vector, basis: Float[Array, "rows n"], k: Int[Array, ""]
+) -> tuple[Vector, Float[Array, " rows"]]:
+    """What is left of w without its part along the first k rows, and that part's coefficients."""
+    none = jnp.zeros(basis.shape[0], w.dtype)
+    if not on_cpu():
+        for _ in range(2):  # rows that are not in use are 0
+            overlap = jnp.matmul(basis, w, precision="highest")
+            w = w - jnp.matmul(overlap, basis, precision="highest")
+            none = none + overlap
+        return w, none
+
+    def orthogonalise(i, carry):
+        w, h = carry
+        overlap = jnp.vdot(basis[i], w)
+        return w - overlap * basis[i], h.at[i].set(overlap)
+
+    return jax.lax.fori_loop(0, k, orthogonalise, (w, none))
+
+
+def _combination(y: Float[Array, " m"], rows: Float[Array, "m n"], k: Int[Array, ""]) -> Vector:
+    """Sum of the first k rows times their coefficients, which are 0 beyond."""
+    if not on_cpu():
+        return jnp.matmul(y, rows, precision="highest")
+    return jax.lax.fori_loop(0, k, lambda i, x: x + y[i] * rows[i], jnp.zeros_like(rows[0]))
 
 
 def _least_squares(
@@ -85,17 +123,15 @@ def fgmres(
         z = preconditioner(s.basis[s.k])
         w = operator(z)
 
-        def orthogonalise(i, carry):  # row by row, so that unused rows are not read
-            w, h = carry
-            overlap = jnp.vdot(s.basis[i], w)
-            return w - overlap * s.basis[i], h.at[i].set(overlap)
-
-        w, h = jax.lax.fori_loop(0, s.k + 1, orthogonalise, (w, jnp.zeros(m + 1, b.dtype)))
+        w, h = _orthogonal(w, s.basis, s.k + 1)
         rest = euclidean_norm(w)
         basis = s.basis.at[s.k + 1].set(jnp.where(rest > 0.0, w / rest, 0.0))
         hessenberg = s.hessenberg.at[:, s.k].set(h.at[s.k + 1].set(rest))
-        _, residual = _least_squares(hessenberg, s.k + 1, norm)
-        return _Arnoldi(s.k + 1, basis, s.directions.at[s.k].set(z), hessenberg, residual)
+        normal = (rest * s.normal).at[s.k + 1].set(-jnp.vdot(s.normal, h))
+        normal = normal / euclidean_norm(normal)
+        directions = s.directions.at[s.k].set(z)
+        residual = norm * jnp.abs(normal[0])
+        return _Arnoldi(s.k + 1, basis, directions, hessenberg, normal, residual)
 
     n = b.shape[0]
     start = _Arnoldi(
@@ -103,13 +139,9 @@ def fgmres(
         jnp.zeros((m + 1, n), b.dtype).at[0].set(jnp.where(norm > 0.0, b / norm, 0.0)),
         jnp.zeros((m, n), b.dtype),
         jnp.zeros((m + 1, m), b.dtype),
+        jnp.zeros(m + 1, b.dtype).at[0].set(1.0),
         norm,
     )
     end = jax.lax.while_loop(proceed, extend, start)
     y, residual = _least_squares(end.hessenberg, end.k, norm)
-
-    def combine(i, x):  # row by row, like above
-        return x + y[i] * end.directions[i]
-
-    x = jax.lax.fori_loop(0, end.k, combine, jnp.zeros_like(b))
-    return KrylovSolution(x, end.k, residual)
+    return KrylovSolution(_combination(y, end.directions, end.k), end.k, residual)

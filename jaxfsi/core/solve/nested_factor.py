@@ -35,16 +35,30 @@ from jaxtyping import Array, Float, Int
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from jaxfsi.core.elements.linear import IN_BOUNDS, gathered
+from lumped.device import on_cpu
 
-LEAF = 300
-"""Unknowns that are not dissected further."""
+
+class _Sizes(NamedTuple):
+    """What the programs of a device are fast with.
+
+    Attributes:
+        leaf: unknowns that are not dissected further.
+        batch_cost: numbers that may be padded to save a batch: its dozen small operations take as
+            long as to read them.
+    """
+
+    leaf: int
+    batch_cost: int
+
+
+CPU_SIZES = _Sizes(300, 200_000)
+"""On two cores."""
+
+ACCELERATOR_SIZES = _Sizes(800, 4_000_000)
+"""Where starting a kernel takes as long as reading a million numbers."""
 
 N_CUTS = 32
 """Places at which the fronts of one height may be cut into batches."""
-
-BATCH_COST = 200_000
-"""Numbers that may be padded to save a batch: its dozen small operations take as long as to read
-them, on two cores."""
 
 
 class Batch(eqx.Module):
@@ -126,7 +140,8 @@ def nested_factor(
         (np.ones(entries.nnz), (entries.row // block, entries.col // block)),
         shape=(n_unknowns // block,) * 2,
     )
-    tree = _dissection(graph, points, LEAF // block)
+    sizes = CPU_SIZES if on_cpu() else ACCELERATOR_SIZES
+    tree = _dissection(graph, points, sizes.leaf // block)
     # kept in the wanted precision from the start: in double precision they are most of the memory
     fronts = [
         f._replace(inverse=f.inverse.astype(dtype), coupling=f.coupling.astype(dtype))
@@ -138,7 +153,10 @@ def nested_factor(
         if len(front.own):
             of_height.setdefault(height, []).append(front)
     levels = tuple(
-        tuple(_batch(group, n_unknowns, dtype) for group in _grouped(of_height[height]))
+        tuple(
+            _batch(group, n_unknowns, dtype)
+            for group in _grouped(of_height[height], sizes.batch_cost)
+        )
         for height in sorted(of_height)
     )
     return NestedFactor(levels, n_unknowns)
@@ -269,7 +287,7 @@ def _eliminated(
         yield _Dense(own_unknowns, above_unknowns, inverse, W)
 
 
-def _grouped(level: list[_Dense]) -> list[list[_Dense]]:
+def _grouped(level: list[_Dense], batch_cost: int) -> list[list[_Dense]]:
     """Fronts of one height in batches with little padding: the best cuts of their order by size."""
     level = sorted(level, key=lambda f: len(f.own) * (len(f.own) + 2 * len(f.above)))
     own = np.array([len(f.own) for f in level], int)
@@ -284,7 +302,7 @@ def _grouped(level: list[_Dense]) -> list[list[_Dense]]:
     for index, j in enumerate(places[1:], start=1):
         cheapest[int(j)] = min(
             (
-                cheapest[int(i)][0] + padded(int(i), int(j)) + BATCH_COST,
+                cheapest[int(i)][0] + padded(int(i), int(j)) + batch_cost,
                 (*cheapest[int(i)][1], int(j)),
             )
             for i in places[:index]

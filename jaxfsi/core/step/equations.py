@@ -39,6 +39,7 @@ from jaxfsi.core.ports.port import PortMotion, Traction
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
+from lumped.device import on_cpu
 from lumped.parameters import Parameter
 
 
@@ -183,12 +184,15 @@ def _coefficients(
 
 def residual(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> Unknowns:
     """Residual of the equations of a step; rows of prescribed unknowns hold their error."""
-    # As a branch, so that XLA does not repeat these sums at every corner of every element.
-    u, a, d, p = jax.lax.cond(
-        step.dt > 0.0,
-        lambda: midpoint(y, step, method),
-        lambda: (y.u, step.state.a, step.state.d, y.p),
-    )
+    if on_cpu():
+        # As a branch, so that XLA does not repeat these sums at every corner of every element.
+        u, a, d, p = jax.lax.cond(
+            step.dt > 0.0,
+            lambda: midpoint(y, step, method),
+            lambda: (y.u, step.state.a, step.state.d, y.p),
+        )
+    else:
+        u, a, d, p = midpoint(y, step, method)
     with jax.named_scope("blood"):
         r_u, r_p = fluid_residual(
             u,

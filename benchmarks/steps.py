@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.step_parts import step_parts
 from benchmarks.timing import in_turn, timed
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, WallElement

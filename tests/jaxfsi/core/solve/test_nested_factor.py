@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from jaxfsi.core.solve.nested_factor import LEAF, nested_factor, nested_solve, nested_solve_once
+from jaxfsi.core.solve.nested_factor import (
+    CPU_SIZES,
+    nested_factor,
+    nested_solve,
+    nested_solve_once,
+)
 
 
 def _graph(rng: np.random.Generator, n: int, reach: int, gaps: tuple[int, ...] = ()) -> np.ndarray:
@@ -77,7 +82,7 @@ def test_lattice_is_dissected_with_little_fill():
     for given in (None, points):
         factor = nested_factor(laplace, points=given)
         kept = sum(batch.inverse.size + batch.coupling.size for batch in factor.batches)
-        assert kept <= 4 * 31 / 4 * n**2 * np.log2(n) + LEAF * n**2
+        assert kept <= 4 * 31 / 4 * n**2 * np.log2(n) + CPU_SIZES.leaf * n**2
         # A condition number below 10: nothing but round-off.
         np.testing.assert_allclose(
             laplace @ np.asarray(nested_solve(factor, jnp.asarray(b))), b, atol=1e-12

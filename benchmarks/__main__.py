@@ -33,6 +33,7 @@ LONG = (
     "coverage_3d",
     "nozzle",
     "gpu",
+    "patient_steps",
 )
 """Run only where they are named: minutes to hours on two cores."""
 

@@ -9,7 +9,8 @@ by condition, δ_0 being the first harmonics of the recorded aortic pressure les
 the amplitudes a and lengths ℓ of `forcing` the pair is taken that makes δ_0 likeliest. What δ − δ_0
 changes in the traces are modes of the record (`measured`), linearised about the base model, so that
 every fit and evidence is an integral over the inlet, and errors of the aortic catheter remain
-possible.
+possible. The signals of a fit are those of δ_0; `with_inlet_mean` adds what the data tell of the
+rest.
 
 The ventricle's squeeze is timed by the start of the aortic pressure, which another waveform moves:
 its delay is fitted with the base model, as the form "late" of the effect `intramyocardial_pump`,
@@ -28,7 +29,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
-from diagnosis.circuit import FORCED, TO_SAMPLES, Circuit
+from diagnosis.circuit import FORCED, FROM_SAMPLES, TO_SAMPLES, Circuit
 from diagnosis.effects import Effect
 from diagnosis.evidence import smooth_scale
 from diagnosis.forcing import AMPLITUDES, FORCING_HARMONICS, LENGTHS
@@ -43,6 +44,7 @@ from diagnosis.prediction import (
     selection,
 )
 from diagnosis.resolution import HARMONICS, SAMPLES
+from lumped.elimination import solve_definite
 from lumped.units import MMHG
 
 EFFECT = "aortic_waveform"
@@ -141,6 +143,37 @@ def _free(measured: Measured, x: Float[Array, " k"], later: Float[Array, ""]) ->
         squeeze_delay=delay,
         modes=jnp.concatenate([kept, H * scale[None, None]], axis=-1),
     )
+
+
+def with_inlet_mean(measured: Measured, waves: Float[Array, "c 3 n"]) -> Float[Array, "c 3 n"]:
+    """Signals of a fit with a free inlet, at the posterior mean of what they integrate over.
+
+    With the standardised modes m of a condition and its whitened residual z at m = 0::
+
+        z = V m + noise,    E[m] = (I + VᵀV)⁻¹ Vᵀ z
+
+    Errors of the clocks, modes too, are part of the solution and no part of the signals.
+
+    Args:
+        measured: the record with the free inlet.
+        waves: predicted signals of all sensors at δ_0 [dyn/cm², cm³/s]; of the third, which few
+            records hold, nothing is changed where it was not recorded.
+    """
+    assert measured.modes is not None, "see with_inlet"
+    n, inlet = measured.n_sensors, slice(-(_LOW.size + 1), None)
+    W = weights(measured)
+    means = waves.mean(axis=-1)
+    scalars = jnp.stack([means[:, 0], means[:, 1], means[:, 1] / means[:, 0], means[:, 2]], axis=1)
+    traces = (waves[:, :n] @ jnp.asarray(FROM_SAMPLES.T)).reshape(waves.shape[0], -1)
+    left = W * (data_of(measured) - jnp.concatenate([traces, scalars], axis=1))
+
+    def mean(V: Float[Array, "d r"], left: Float[Array, " d"]) -> Float[Array, " r"]:
+        return solve_definite(jnp.eye(V.shape[-1]) + V.T @ V, (V.T @ left)[:, None])[:, 0]
+
+    modes = jax.vmap(mean)(W[..., None] * measured.modes, left)
+    change = jnp.einsum("cdr,cr->cd", measured.modes[..., inlet], modes[:, inlet])
+    change = change[:, : traces.shape[1]].reshape(waves.shape[0], n, -1)
+    return waves.at[:, :n].add(change @ jnp.asarray(TO_SAMPLES.T))
 
 
 def inlet_rms(measured: Measured) -> float:

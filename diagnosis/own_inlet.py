@@ -25,6 +25,7 @@ from diagnosis.inlet import (
     recorded_waveform,
     with_free_inlet,
     with_inlet,
+    with_inlet_mean,
 )
 from diagnosis.measured import Measured
 from diagnosis.verdict import Hypothesis, Judgement, cover_of, key_of
@@ -98,7 +99,9 @@ def with_own_inlet(assumed: "Diagnosis", own: "Diagnosis") -> "Diagnosis":
         sizes = np.array(fitted.sizes)
         sizes[at] = size
         return fitted._replace(
-            sizes=sizes, size_sd=np.append(np.asarray(fitted.size_sd)[:count], sd)
+            sizes=sizes,
+            size_sd=np.append(np.asarray(fitted.size_sd)[:count], sd),
+            waves=with_inlet_mean(own.record, jnp.asarray(fitted.waves)),
         )
 
     for h, fitted in own.fits.items():

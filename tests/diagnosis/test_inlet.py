@@ -4,14 +4,24 @@ import numpy as np
 import pytest
 
 from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
-from diagnosis.circuit import FROM_SAMPLES, PHASE
+from diagnosis.circuit import FROM_SAMPLES, PHASE, TO_SAMPLES
 from diagnosis.engine import base_start
-from diagnosis.inlet import inlet_rms, leads, recorded_waveform, with_free_inlet, with_inlet
+from diagnosis.forcing import FORCING_HARMONICS
+from diagnosis.inlet import (
+    inlet_rms,
+    leads,
+    recorded_waveform,
+    with_free_inlet,
+    with_inlet,
+    with_inlet_mean,
+)
 from diagnosis.measured import whitener_of
 from diagnosis.prediction import OWN, base_circuit, condition_settings
 from diagnosis.shrink import held_out_gap
 from lumped import MMHG
 from tests.diagnosis.records import synthetic
+
+INLET = 2 * FORCING_HARMONICS + 1
 
 # a late second peak and a slower fall, 5 mmHg: no bell of the catalogue has this shape
 OTHER = 5.0 * MMHG * (np.sin(4.0 * np.pi * PHASE + 0.4) + 0.6 * np.cos(6.0 * np.pi * PHASE))
@@ -41,6 +51,26 @@ def test_modes_hold_what_the_inlet_does_to_both_traces():
     alone = np.linalg.norm(np.asarray(plain(jnp.asarray(flat))), axis=1)
     # free to vary by itself, a tenth more of it is worth next to nothing
     assert np.all(seen < 0.15 * alone)
+
+
+def test_signals_of_a_free_inlet_follow_what_it_explains_and_nothing_else():
+    batch = freed(synthetic({}, seed=4, inlet=OTHER))
+    record = jax.tree.map(lambda leaf: leaf[0], batch)
+    n = record.n_sensors
+    flow = jnp.broadcast_to(record.scalars[:, 3, None, None], (4, 1, PHASE.size))
+    seen = jnp.concatenate([jnp.asarray(record.waves), flow], axis=1)[:, :3]
+    np.testing.assert_allclose(with_inlet_mean(record, seen), seen, atol=1e-6 * MMHG)
+    # one standard deviation of each harmonic of the inlet
+    drawn = jnp.asarray(np.random.default_rng(2).standard_normal((4, INLET)))
+    change = jnp.einsum("cdr,cr->cd", record.modes[..., -INLET - 1 : -1], drawn)
+    change = change[:, :-4].reshape(4, n, -1) @ jnp.asarray(TO_SAMPLES.T)
+    missed = seen.at[:, :n].add(-change)
+    after = with_inlet_mean(record, missed)[:, :n] - seen[:, :n]
+    assert jnp.linalg.norm(after) < 0.1 * jnp.linalg.norm(change)
+    # a fast ripple of the distal pressure alone is no matter of the inlet
+    ripple = jnp.tile(15.0 * MMHG * jnp.cos(2.0 * jnp.pi * 25 * jnp.asarray(PHASE)), (4, 1))
+    moved = with_inlet_mean(record, seen.at[:, 1].add(ripple)) - seen
+    assert jnp.linalg.norm(moved[:, 1] - ripple) < 0.2 * jnp.linalg.norm(ripple)
 
 
 def test_a_place_for_the_inlet_changes_nothing():

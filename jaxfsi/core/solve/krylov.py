@@ -59,20 +59,19 @@ def _orthogonal(
     w: Vector, basis: Float[Array, "rows n"], k: Int[Array, ""]
 ) -> tuple[Vector, Float[Array, " rows"]]:
     """What is left of w without its part along the first k rows, and that part's coefficients."""
-    none = jnp.zeros(basis.shape[0], w.dtype)
+    h = jnp.zeros(basis.shape[0], w.dtype)
     if not on_cpu():
         for _ in range(2):  # rows that are not in use are 0
             overlap = jnp.matmul(basis, w, precision="highest")
-            w = w - jnp.matmul(overlap, basis, precision="highest")
-            none = none + overlap
-        return w, none
+            w, h = w - jnp.matmul(overlap, basis, precision="highest"), h + overlap
+        return w, h
 
     def orthogonalise(i, carry):
         w, h = carry
         overlap = jnp.vdot(basis[i], w)
         return w - overlap * basis[i], h.at[i].set(overlap)
 
-    return jax.lax.fori_loop(0, k, orthogonalise, (w, none))
+    return jax.lax.fori_loop(0, k, orthogonalise, (w, h))
 
 
 def _combination(y: Float[Array, " m"], rows: Float[Array, "m n"], k: Int[Array, ""]) -> Vector:
@@ -121,9 +120,7 @@ def fgmres(
 
     def extend(s: _Arnoldi) -> _Arnoldi:
         z = preconditioner(s.basis[s.k])
-        w = operator(z)
-
-        w, h = _orthogonal(w, s.basis, s.k + 1)
+        w, h = _orthogonal(operator(z), s.basis, s.k + 1)
         rest = euclidean_norm(w)
         basis = s.basis.at[s.k + 1].set(jnp.where(rest > 0.0, w / rest, 0.0))
         hessenberg = s.hessenberg.at[:, s.k].set(h.at[s.k + 1].set(rest))

@@ -24,7 +24,7 @@ from study.case.faults import CaseError, Fault
 from study.case.model import Case
 from study.case.operation import Operation
 from study.case.parameters import WallParameters
-from study.run.refusal import refusal
+from study.run.refusal import refusing
 
 _AORTA_RADIUS = (0.3, 4.0)
 """Radius of an opening of the aorta, from a newborn's to an aneurysm's [cm]."""
@@ -80,7 +80,7 @@ def _operated(case: Case, anatomy: Anatomy) -> Anatomy:
     """The anatomy after the operation of the case, if there is one."""
     if case.operation is None:
         return anatomy
-    with refusal(case.path):
+    with refusing(case.path):
         match case.operation:
             case Operation(kind="unroof"):
                 return sources.unroofed(anatomy)
@@ -101,7 +101,7 @@ def case_mesh(case: Case) -> Mesh:
     anatomy = case.anatomy
     if not isinstance(anatomy, MeshAnatomy):
         raise ValueError("the case names no finished mesh. Build one from case_anatomy.")
-    with refusal(anatomy.places[0]):
+    with refusing(anatomy.places[0]):
         if anatomy.path is not None and not anatomy.path.is_dir():
             mesh = read_mesh(anatomy.path, unit=anatomy.unit, labels=anatomy.labels)
         else:
@@ -177,7 +177,7 @@ def _ivus(case: Case, anatomy: IvusAnatomy, state: str) -> Anatomy:
         given["measured_maximum"] = case.wall.thickness_max
     options = IvusOptions(**{name: value for name, value in given.items() if value is not None})
     radius = {} if anatomy.aorta_radius is None else {"aorta_radius": anatomy.aorta_radius}
-    with refusal(files.contours, *anatomy.lines, *files.files[1:]):
+    with refusing(files.contours, *anatomy.lines, *files.files[1:]):
         return sources.ivus_anatomy(
             files.contours,
             anatomy.centerline,
@@ -202,7 +202,7 @@ def _synthetic(case: Case, anatomy: SyntheticAnatomy) -> Anatomy:
     faults = sources.parameter_faults(parameters)
     if faults:
         raise CaseError([_parameter_fault(case, fault) for fault in faults])
-    with refusal(case.path):
+    with refusing(case.path):
         return sources.synthetic_anatomy(parameters)
 
 
@@ -222,7 +222,7 @@ def _surface(case: Case, anatomy: SurfaceAnatomy) -> Anatomy:
     options = SurfaceOptions(**{name: value for name, value in given.items() if value is not None})
     cuts = {n: Cut(cut.centre, cut.normal, cut.radius) for n, cut in anatomy.cuts.items()}
     names = named_openings(anatomy)
-    with refusal(*anatomy.files):
+    with refusing(*anatomy.files):
         return sources.surface_anatomy(
             anatomy.surface,
             unit=anatomy.unit,
@@ -241,7 +241,7 @@ def named_openings(anatomy: SurfaceAnatomy) -> Mapping[str, Sequence[float]]:
     """
     if anatomy.openings_file is None:
         return anatomy.openings
-    with refusal(*anatomy.files):
+    with refusing(*anatomy.files):
         return sources.opening_points(
             anatomy.openings_file,
             unit=anatomy.unit,

@@ -27,7 +27,7 @@ from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.model import Case
-from study.run.refusal import refusal
+from study.run.refusal import refusing
 
 ASSUMED_R0 = 5.0e3
 """R0 of the linear law where nothing is known: FFR does not depend on it [dyn·s/cm⁵]."""
@@ -160,7 +160,7 @@ def _aortic_radius(anatomy: IvusAnatomy) -> float | None:
     """
     if anatomy.aorta_centerline is None or anatomy.centerline is None:
         return anatomy.aorta_radius
-    with refusal(anatomy.aorta_centerline, anatomy.centerline):
+    with refusing(anatomy.aorta_centerline, anatomy.centerline):
         line = read_centerline(anatomy.centerline)
         end = anatomy.ostium_end or "auto"
         return radius_at_ostium(line, read_sized_line(anatomy.aorta_centerline), ostium_end=end)

@@ -8,7 +8,7 @@ from study.case.faults import CaseError, Fault
 
 
 @contextmanager
-def refusal(file: pathlib.Path, *others: pathlib.Path) -> Iterator[None]:
+def refusing(file: pathlib.Path, *others: pathlib.Path) -> Iterator[None]:
     """Turn the refusal of a source into a fault of the file that it names, else of the first.
 
     Args:

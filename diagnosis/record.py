@@ -42,9 +42,9 @@ beats to estimate it from."""
 TRANSDUCER_SD = 0.3 * MMHG
 """Error of a pressure that every beat shares, so that its scatter does not show [dyn/cm²]: what
 nonlinearity, hysteresis and the response of the line leave of the error band of ±1 mmHg and ±1 %
-of ANSI/AAMI BP22 beside offset and gain; its share is assumed. On another hand's records of thirty
-beats, without it, misfits of a tenth of a mmHg counted as evidence, and of the named effects 60 %
-in place of 83 % were right."""
+of ANSI/AAMI BP22 beside offset and gain; its share is assumed. On sixty records of another hand,
+by which it was chosen, the named effects are right in 19 of 23 with it and in 12 of 20 without; on
+32 that nobody had seen in 7 of 13 and 6 of 14."""
 
 
 @dataclasses.dataclass(frozen=True)

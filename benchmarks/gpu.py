@@ -19,7 +19,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.step_parts import moved_bytes, step_parts
+from benchmarks.step_parts import moved_bytes, step_parts, step_row
+from benchmarks.steps import CHUNK, DT
 from benchmarks.surrogate import PATIENT, REST
 from benchmarks.timing import in_turn, timed
 from calibration import sweep_alpha
@@ -36,8 +37,6 @@ from jaxfsi.verification.coupled_tube import (
 from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_mesh, wave_model
 from lumped import ffr_divider
 
-DT = 1e-4
-CHUNK = 10
 MESHES = {"60k": (30, 60, 3), "300k": (50, 100, 5), "1M": (77, 152, 7)}
 ON_CPU = ("60k", "300k")
 BATCH, BATCH_STEPS = 32, 20
@@ -132,14 +131,9 @@ def _step_row(name: str, rounds: int) -> tuple[dict[str, Any], tuple[np.ndarray,
     ends, times = in_turn({name: later}, rounds)
     state, report = ends[name].state, ends[name].history.report
     row = {
-        "what": f"step, {name}",
-        "tets": model.fluid_tets.shape[1] + model.solid_tets.shape[1],
+        **step_row(name, model, report, times[name], CHUNK),
         "prepare_s": prepare_s,
         "first_s": first_s,
-        "median_s": times[name]["median_s"] / CHUNK,
-        "min_s": times[name]["min_s"] / CHUNK,
-        "iterations": float(np.mean(report.n_gmres)),
-        "systems": float(np.mean(report.n_newton)),
         "repeats": max(_apart(first.p, state.p), _apart(first.d, state.d)),
     }
     row["bytes"] = moved_bytes(step_parts(model, state, stepper, row))

@@ -13,11 +13,11 @@ import numpy as np
 
 from benchmarks.steps import CHUNK
 from benchmarks.timing import timed
+from benchmarks.wall_steps import CURVE
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.stepper import prepare
 from jaxfsi.meshing import build_mesh
 from study import demo_case_path, read_case
-from study.case.parameters import SurrogateParameters
 from study.run.anatomy_source import case_anatomy
 from study.run.setup import plan_steps, prepare_simulation
 
@@ -27,14 +27,11 @@ CHUNKS = 16
 PHASES = {"onset": (1, 4), "rise and peak": (4, 9), "fall": (9, 13), "diastole": (13, 16)}
 """Chunks of steps, the first of which starts from a guess and is left out."""
 
-_CURVE = SurrogateParameters(R0=580.0, K=1010.0, law="quadratic")
-"""Curve of the coarse ramp: only the start of a run depends on it."""
-
 
 def run(rounds: int) -> dict[str, Any]:
     """Run one beat of each mesh; `rounds` does not count."""
     del rounds
-    case = dataclasses.replace(read_case(demo_case_path()), surrogate=_CURVE)
+    case = dataclasses.replace(read_case(demo_case_path()), surrogate=CURVE)
     anatomy = case_anatomy(case, "rest_diastole")
     plan = plan_steps(case, "dobutamine", dt=STEP)
     rows = []

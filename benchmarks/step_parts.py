@@ -6,6 +6,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from jaxfsi.core.laws.mesh_motion import mesh_displacement
 from jaxfsi.core.solve.newton import single
@@ -14,7 +15,7 @@ from jaxfsi.core.solve.tangent import apply_elements, step_tangent
 from jaxfsi.core.step.equations import begin_step, extrapolated, relinearised, residual
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
-from jaxfsi.core.step.step import at_ports
+from jaxfsi.core.step.step import StepReport, at_ports
 from jaxfsi.core.step.stepper import Stepper
 
 Parts = dict[str, tuple[float, Callable[..., Any], tuple[Any, ...]]]
@@ -67,6 +68,28 @@ def step_parts(model: Model, state: State, stepper: Stepper, whole: dict[str, An
             (y, model, step),
         ),
         "triad a + 3 b, 8 million": (0.0, lambda a, b: a + 3.0 * b, (a, b)),
+    }
+
+
+def step_row(
+    name: str, model: Model, report: StepReport, times: dict[str, float], n_steps: int
+) -> dict[str, Any]:
+    """Size of a model, and times and iterations of a step.
+
+    Args:
+        name: of the model.
+        model: the model.
+        report: of the steps of the last call.
+        times: of a call, see `timing.in_turn`.
+        n_steps: steps a call.
+    """
+    return {
+        "what": f"step, {name}",
+        "tets": model.fluid_tets.shape[1] + model.solid_tets.shape[1],
+        "median_s": times["median_s"] / n_steps,
+        "min_s": times["min_s"] / n_steps,
+        "iterations": float(np.mean(report.n_gmres)),
+        "systems": float(np.mean(report.n_newton)),
     }
 
 

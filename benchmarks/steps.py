@@ -18,9 +18,8 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from benchmarks.step_parts import step_parts
+from benchmarks.step_parts import step_parts, step_row
 from benchmarks.timing import in_turn, timed
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import Model, WallElement
@@ -102,15 +101,10 @@ def _case(name: str, rounds: int) -> list[dict[str, Any]]:
     ends, times = in_turn({name: lambda: march(model, begun.state, stepper, CHUNK)}, rounds)
     report = ends[name].history.report
     row = {
-        "what": f"step, {name}",
-        "tets": model.fluid_tets.shape[1] + model.solid_tets.shape[1],
+        **step_row(name, model, report, times[name], CHUNK),
         "tolerance": stepper.tolerance,
         "prepare_s": prepare_s,
         "first_s": first_s,
-        "median_s": times[name]["median_s"] / CHUNK,
-        "min_s": times[name]["min_s"] / CHUNK,
-        "iterations": float(np.mean(report.n_gmres)),
-        "systems": float(np.mean(report.n_newton)),
         "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
     }
     if name in _JUDGED:

@@ -36,13 +36,13 @@ _PATIENT: dict[str, tuple[WallElement, ...]] = {
 _OWN = "linear on its own mesh"
 _PATIENT_DT = 2e-3
 _ALPHA = 0.114
-_CURVE = SurrogateParameters(R0=580.0, K=1010.0, law="quadratic")
+CURVE = SurrogateParameters(R0=580.0, K=1010.0, law="quadratic")
 """Curve of the coarse ramp: only the start of a run depends on it."""
 
 
 def run(rounds: int) -> dict[str, Any]:
     """Run the benchmark."""
-    case = dataclasses.replace(read_case(demo_case_path()), surrogate=_CURVE)
+    case = dataclasses.replace(read_case(demo_case_path()), surrogate=CURVE)
     tube = wave_mesh(16, 32, 2)
     rows = _rows("tube", DT, {e: _tube(tube, e) for e in _TUBE}, rounds)
     dt = plan_steps(case, "rest", dt=_PATIENT_DT).dt

@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
-from diagnosis.circuit import FORCED, FROM_SAMPLES, TO_SAMPLES, Circuit
+from diagnosis.circuit import FORCED, TO_SAMPLES, Circuit
 from diagnosis.effects import Effect
 from diagnosis.evidence import smooth_scale
 from diagnosis.forcing import AMPLITUDES, FORCING_HARMONICS, LENGTHS
@@ -39,6 +39,7 @@ from diagnosis.prediction import (
     OWN,
     ConditionSettings,
     condition_settings,
+    data_of_waves,
     observations,
     predict,
     selection,
@@ -162,17 +163,14 @@ def with_inlet_mean(measured: Measured, waves: Float[Array, "c 3 n"]) -> Float[A
     assert measured.modes is not None, "see with_inlet"
     n, inlet = measured.n_sensors, slice(-(_LOW.size + 1), None)
     W = weights(measured)
-    means = waves.mean(axis=-1)
-    scalars = jnp.stack([means[:, 0], means[:, 1], means[:, 1] / means[:, 0], means[:, 2]], axis=1)
-    traces = (waves[:, :n] @ jnp.asarray(FROM_SAMPLES.T)).reshape(waves.shape[0], -1)
-    left = W * (data_of(measured) - jnp.concatenate([traces, scalars], axis=1))
+    left = W * (data_of(measured) - data_of_waves(waves, n))
 
     def mean(V: Float[Array, "d r"], left: Float[Array, " d"]) -> Float[Array, " r"]:
         return solve_definite(jnp.eye(V.shape[-1]) + V.T @ V, (V.T @ left)[:, None])[:, 0]
 
     modes = jax.vmap(mean)(W[..., None] * measured.modes, left)
     change = jnp.einsum("cdr,cr->cd", measured.modes[..., inlet], modes[:, inlet])
-    change = change[:, : traces.shape[1]].reshape(waves.shape[0], n, -1)
+    change = change[:, : n * (2 * HARMONICS + 1)].reshape(waves.shape[0], n, -1)
     return waves.at[:, :n].add(change @ jnp.asarray(TO_SAMPLES.T))
 
 

@@ -23,7 +23,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from diagnosis.circuit import FORCED, PHASE, Circuit, SensorSpectra, coefficients, samples, solve
+from diagnosis.circuit import (
+    FORCED,
+    FROM_SAMPLES,
+    PHASE,
+    Circuit,
+    SensorSpectra,
+    coefficients,
+    samples,
+    solve,
+)
 from diagnosis.effects import Effect, apply_effects
 from diagnosis.measured import SENSORS, Measured
 from diagnosis.resolution import HARMONICS, SAMPLES
@@ -224,6 +233,14 @@ def observations(beat: SensorSpectra, n_sensors: int) -> Float[Array, " d"]:
     scalars = jnp.stack([means[0], means[1], means[1] / means[0], means[2]])
     traces = [coefficients(getattr(beat, name)) for name in SENSORS[:n_sensors]]
     return jnp.concatenate([*traces, scalars])
+
+
+def data_of_waves(waves: Float[Array, "c 3 n"], n_sensors: int) -> Float[Array, "c d"]:
+    """What `observations` gives, of samples of all three sensors by condition."""
+    traces = waves[:, :n_sensors] @ jnp.asarray(FROM_SAMPLES.T)
+    aorta, distal, flow = jnp.moveaxis(waves.mean(axis=-1), 1, 0)
+    scalars = jnp.stack([aorta, distal, distal / aorta, flow], axis=1)
+    return jnp.concatenate([traces.reshape(waves.shape[0], -1), scalars], axis=1)
 
 
 def as_waves(beat: SensorSpectra) -> Float[Array, "3 n"]:

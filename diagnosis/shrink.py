@@ -9,7 +9,7 @@ The prediction after the diagnosis averages all hypotheses by their probabilitie
 1999, Stat Sci 14:382), with the base model for "unknown" alone, and the effects known to act for
 "unknown" beside them. It is the base model alone if the verdict is "no_gap" (nothing needs to be
 added), or "unknown" without a part that is known, or with one that comes no nearer to the traces
-that were fitted: much of a free aortic pressure may then lie in what the evidence integrates over.
+that were fitted.
 """
 
 from typing import NamedTuple

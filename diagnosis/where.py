@@ -21,12 +21,13 @@ from jaxtyping import Array
 from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.circuit import FORCED, FROM_SAMPLES, PHASE, TO_SAMPLES
+from diagnosis.circuit import FORCED, PHASE, TO_SAMPLES
 from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PLACES, all_forms
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import Fitted, numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
+from diagnosis.prediction import data_of_waves
 from diagnosis.resolution import HARMONICS
 from diagnosis.scan import linearise
 from diagnosis.verdict import Hypothesis
@@ -180,12 +181,7 @@ def rest_map(record: Measured) -> Map | None:
     """
     if not np.any((np.asarray(record.stress) == 0.0) & (np.asarray(record.held_out) == 0.0)):
         return None
-    waves = np.asarray(fit_at_rest(record).waves)
-    coefficients = waves[:, : record.n_sensors] @ FROM_SAMPLES.T
-    means = waves.mean(axis=-1)
-    ratio = means[:, 1] / means[:, 0]
-    scalars = np.stack([means[:, 0], means[:, 1], ratio, means[:, 2]], axis=1)
-    shown = np.concatenate([coefficients.reshape(waves.shape[0], -1), scalars], axis=1)
+    shown = data_of_waves(fit_at_rest(record).waves, record.n_sensors)
     return misfit_map(record, np.asarray(whitener_of(record)(data_of(record) - shown)))
 
 

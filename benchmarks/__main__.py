@@ -34,6 +34,7 @@ LONG = (
     "nozzle",
     "gpu",
     "patient_steps",
+    "growth",
 )
 """Run only where they are named: minutes to hours on two cores."""
 

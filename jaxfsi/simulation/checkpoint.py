@@ -24,7 +24,7 @@ from jaxfsi.simulation.step_control import Position
 from jaxfsi.text_files import why
 from lumped.whole_files import write_whole
 
-FORMAT = 2
+FORMAT = 3
 
 # What `load_arrays` and `json.loads` raise on other files and on damaged ones.
 _DAMAGE = (ValueError, TypeError, KeyError, RuntimeError)

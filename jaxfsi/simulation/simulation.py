@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfsi.core.step.model import Model
-from jaxfsi.core.step.state import State
+from jaxfsi.core.step.state import Start, State
 from jaxfsi.core.step.step import RESULTS
 from jaxfsi.core.step.stepper import Stepper, prepare
 from jaxfsi.nominal import CHECKPOINT_EVERY, MAX_GMRES
@@ -325,6 +325,7 @@ def _rescaled(state: State, ratio: float) -> State:
         u_before=state.u - ratio * (state.u - state.u_before),
         p_before=state.p - ratio * (state.p - state.p_before),
         d_before=state.d - ratio * (state.d - state.d_before),
+        start=Start(ratio**2 * state.start.u, ratio**2 * state.start.p, state.start.remainder),
     )
 
 

@@ -45,7 +45,7 @@ def run_command(request: Request[RunOptions], case: Case, folder: pathlib.Path) 
         result = run_case(case, intervals=options.uncertainty, progress=progress)
         meshes, part = coarse_mesh(case, progress) if meshing else ({}, None)
         progress.step("writing the report")
-        document = as_json(case_document(result, origin, part))
+        document = as_json(case_document(result, origin.took(progress.spent()), part))
         page = html_report(document, embedded(meshes))
         written = write_files(
             folder,

@@ -52,12 +52,13 @@ def diagnose_command(
         study = study_in_3d(options, record, progress)
         diagnosis = diagnose_record(record, options.richness, progress)
         progress.step("writing the report")
-        document = diagnosis_document(record, remarks, diagnosis, origin)
+        document = diagnosis_document(record, remarks, diagnosis, origin.took(progress.spent()))
         written = _write(folder, document)
         if study is not None:
             part = gap_in_3d(record, diagnosis, study, options.in_3d or (), folder, progress)
-            document = dataclasses.replace(document, in_3d=part)
             progress.step("writing the report")
+            origin = origin.took(progress.spent())
+            document = dataclasses.replace(document, in_3d=part, provenance=origin)
             written = _write(folder, document)
     return Answer(as_json(document), written)
 

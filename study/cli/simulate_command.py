@@ -67,6 +67,7 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
         series = folder / SERIES_FILE
         drawn = Drawn(*draw_simulation(series, setup.mesh, anatomy, inlet, schedule.period))
         progress.step("writing the report")
+        origin = origin.took(progress.spent())
         document = as_json(
             simulation_document(case, options.condition, setup, outcome, drawn, folder, origin)
         )

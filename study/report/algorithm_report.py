@@ -40,7 +40,9 @@ def write_study(
     progress.step("drawing")
     drawn, films = _drawn(result)
     progress.step("writing the report")
-    document = as_json(study_document(result, drawn, list(films), provenance))
+    document = as_json(
+        study_document(result, drawn, list(films), provenance.took(progress.spent()))
+    )
     pictures = {name: embedded_pictures(part.pictures) for name, part in drawn.items()}
     texts = {n: film_text(c) for n, c in films.items()}
     vessel = study_vessel(result)

@@ -16,6 +16,7 @@ from study.report.parameter_names import NAMES
 from study.report.ratio_limits import SOURCES, limit_rows, measured_words
 from study.report.simulation_figures import simulation_figures
 from study.report.simulation_pictures import PICTURES
+from study.report.time_spent import time_parts
 from study.report.uncertainty_figures import uncertainty_figure
 from study.report.uncertainty_words import rules_words, uncertainty_rows, uncertainty_words
 from study.report.wall_figures import MODELS, wall_figure
@@ -108,6 +109,7 @@ def rendered(name: str, **values: Any) -> str:
         "threshold": FFR_THRESHOLD,
         "area_bound": AREA_BOUND,
         "body_words": body_words,
+        "time_parts": time_parts,
     }
     return environment.get_template(name).render(**values)
 

@@ -100,6 +100,7 @@ class Progress:
         self._start = self._step_start = clock()
         self._memory = _Memory(memory)
         self._done: list[tuple[float, float]] = []  # weight, logarithm of taken over expected
+        self._spent: dict[str, float] = {}
         self._told: str | None = None
         self._logged = -math.inf
         self._end: tuple[float, float] | None = None  # of the step, and when that was said
@@ -159,6 +160,7 @@ class Progress:
             return
         name, usual = self._plan[self._at]
         taken = now - self._step_start
+        self._spent[name] = self._spent.get(name, 0.0) + taken
         expected = self._expected(self._at)
         if taken > _FINISHED * expected:
             self._done.append((expected, _telling(taken / expected)))
@@ -197,6 +199,15 @@ class Progress:
             now = self._clock()
             spent = now - self._start
             return spent / max(spent + self._rest(now), 1e-9)
+
+    def spent(self) -> dict[str, float]:
+        """Seconds that each step took so far, by name; a step of the same name adds to it."""
+        with self._lock:
+            spent = dict(self._spent)
+            if self._at >= 0:
+                name = self._plan[self._at][0]
+                spent[name] = spent.get(name, 0.0) + self._clock() - self._step_start
+            return spent
 
     def left(self) -> float:
         """Seconds until the end of the plan."""

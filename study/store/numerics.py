@@ -127,6 +127,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/ratio_limits.py",
     "study/report/simulation_rendering.py", "study/report/stored_page.py",
     "study/report/style.py", "study/report/summary.py", "study/report/sweep_results.py",
+    "study/report/time_spent.py",
     "study/report/packed_array.py", "study/report/stored_vessel.py",
     "study/report/study_vessel.py", "study/report/vessel_*",
     "study/run/artery_files.py", "study/run/case_call.py", "study/run/cohort.py",

@@ -49,6 +49,8 @@ class Provenance:
         versions: of Python and packages; None: not installed.
         platform: system, machine and number of cores.
         commit: of the checkout; None for an installed package.
+        seconds: that each step of the command took until this was written; parts kept from an
+            earlier command take none. Earlier versions do not say it.
     """
 
     inputs: list[InputFile]
@@ -58,6 +60,11 @@ class Provenance:
     versions: dict[str, str | None]
     platform: str
     commit: str | None
+    seconds: dict[str, float] | Absent = ABSENT
+
+    def took(self, seconds: dict[str, float]) -> "Provenance":
+        """The same with the seconds of each step."""
+        return dataclasses.replace(self, seconds=seconds)
 
 
 def origin(

@@ -30,6 +30,7 @@ from jaxfsi.core.solve.preconditioner import precondition, precondition_transpos
 from jaxfsi.core.solve.tangent import apply_elements, blood_diagonal, step_tangent
 from jaxfsi.core.step.equations import Step, Unknowns, relinearised, residual
 from jaxfsi.core.step.model import Model
+from jaxfsi.core.step.state import Start
 from jaxfsi.core.step.stepper import Stepper
 
 LEAST_REDUCTION = 1e-4
@@ -40,6 +41,9 @@ ROUND_OFF = 1e-14
 
 SLACK = 10.0
 """A nonlinear residual of at most SLACK × tolerance is accepted without linearising again."""
+
+LOOSEST = 0.1
+"""Largest relative tolerance of a linear system."""
 
 DERIVATIVE_SHARE, DERIVATIVE_TOLERANCES = 1e-2, (1e-6, 1e-5)
 """Relative residual of the systems that give derivatives: its share of the tolerance of a step, and
@@ -86,7 +90,9 @@ class _Scaling(NamedTuple):
         """Weighted norm of a residual."""
         return euclidean_norm(self.weight * r)
 
-    def correction(self, product, inverse, r: Flat, tolerance, max_iterations: int):
+    def correction(
+        self, product, inverse, r: Flat, tolerance, max_iterations: int, along: Flat | None = None
+    ):
         """Solve product(x) = r in single precision to a relative tolerance.
 
         Args:
@@ -95,6 +101,7 @@ class _Scaling(NamedTuple):
             r: right-hand side.
             tolerance: relative.
             max_iterations: of GMRES.
+            along: where the solution is sought first: the multiple of it that leaves least.
         """
         weight = self.weight.astype(jnp.float32)
         n_u = 3 * (weight.size // 4)
@@ -107,14 +114,23 @@ class _Scaling(NamedTuple):
             return jnp.where(self.prescribed, v, ravel_pytree(z)[0])
 
         b = weight * (r / scale).astype(jnp.float32)
+        goal = jnp.asarray(tolerance, jnp.float32) * euclidean_norm(b)
+        near = None
+        if along is not None:
+            near = (along / scale).astype(jnp.float32)
+            image = weight * product(near)
+            square = jnp.vdot(image, image)
+            share = jnp.vdot(image, b) / jnp.where(square > 0.0, square, 1.0)
+            b, near = b - share * image, share * near
         found = fgmres(
             lambda v: weight * product(v),
             b,
             approximate,
-            tolerance=jnp.asarray(tolerance, jnp.float32) * euclidean_norm(b),
+            tolerance=goal,
             max_iterations=max_iterations,
         )
-        return found.x.astype(r.dtype) * scale, found.n_iterations
+        x = found.x if near is None else found.x + near
+        return x.astype(r.dtype) * scale, found.n_iterations
 
 
 def single(tree):
@@ -149,6 +165,9 @@ class _Iterate(NamedTuple):
         y: iterate after the last correction.
         norm: weighted residual before it.
         first: that of the extrapolated state.
+        goal: relative tolerance of the last linear system.
+        loose: whether that was looser than what the step asks for.
+        remainder: see `Start`.
         asks: whether the residual asked for a correction.
         n_newton: corrections so far; -1 before the first residual.
         n_gmres: iterations of GMRES so far.
@@ -157,23 +176,46 @@ class _Iterate(NamedTuple):
     y: Flat
     norm: Float[Array, ""]
     first: Float[Array, ""]
+    goal: Float[Array, ""]
+    loose: Bool[Array, ""]
+    remainder: Float[Array, ""]
     asks: Bool[Array, ""]
     n_newton: Int[Array, ""]
     n_gmres: Int[Array, ""]
 
 
 def solve_step(
-    guess: Unknowns, model: Model, step: Step, stepper: Stepper
-) -> tuple[Unknowns, Convergence]:
-    """Solve the equations of a step, starting from a guess; see `with_derivative`."""
+    guess: Unknowns, start: Start, model: Model, step: Step, stepper: Stepper
+) -> tuple[Unknowns, Start, Convergence]:
+    """Solve the equations of a step; see `with_derivative`.
+
+    What rises faster and faster leaves its linear extrapolation behind by about as much as in the
+    step before: each linear system is solved along that first.
+
+    Where the first linear system will leave more than the step allows, because coefficients belong
+    to the iterate before, it is solved to half of that remainder only: the second one has to be
+    solved in any case. The remainder is that of the step before (Eisenstat & Walker 1996, SIAM J.
+    Sci. Comput. 17:16, choice 1).
+
+    Args:
+        guess: linear extrapolation, by whose residual convergence is judged.
+        start: what the last step tells.
+        model: the model.
+        step: what stays the same.
+        stepper: see `prepare`.
+
+    Returns:
+        The solution, what it tells the next step, and how the solve went.
+    """
     scaling = _scaling(model, stepper)
-    start, unravel = ravel_pytree(guess)
+    origin, unravel = ravel_pytree(guess)
+    along = jnp.where(scaling.prescribed, 0.0, ravel_pytree((start.u, start.p))[0])
     # Where the extrapolated state is exact already, only round-off is left to reduce: the forces
     # that cancel, on the scale of the residuals, times the precision.
     strain = (
         step.state.d / stepper.method.weights(step.dt)[2] / stepper.preconditioner.velocity_scale
     )
-    forces = euclidean_norm(start / scaling.weight) + euclidean_norm(strain.reshape(-1))
+    forces = euclidean_norm(origin / scaling.weight) + euclidean_norm(strain.reshape(-1))
 
     def proceed(s: _Iterate):
         return s.asks & (s.n_newton < stepper.max_nonlinear)
@@ -183,33 +225,39 @@ def solve_step(
         here = relinearised(y, model, step, stepper.method)
         r = ravel_pytree(residual(y, model, here, stepper.method))[0]
         norm = scaling.norm(r)
-        first = jnp.where(
-            s.n_newton < 0, jnp.maximum(norm, ROUND_OFF * forces / stepper.tolerance), s.first
-        )
-        asks = norm > SLACK * stepper.tolerance * first
+        n_newton = s.n_newton + 1
+        floor = ROUND_OFF * forces / stepper.tolerance
+        first = jnp.where(n_newton == 0, jnp.maximum(norm, floor), s.first)
+        allowed = stepper.tolerance * first
+        left = jnp.maximum(norm / s.norm - s.goal, 0.0)
+        remainder = jnp.where(n_newton == 1, left, s.remainder)
+        asks = norm > jnp.where(s.loose, 1.0, SLACK) * allowed
 
         def correct():
-            goal = jnp.maximum(0.5 * stepper.tolerance * first / norm, LEAST_REDUCTION)
+            tight = jnp.maximum(0.5 * allowed / norm, LEAST_REDUCTION)
+            again = (n_newton == 0) & (remainder * norm > SLACK * allowed)
+            goal = jnp.where(again, jnp.clip(0.5 * remainder, tight, LOOSEST), tight)
             with jax.named_scope("tangent"):
                 product, M = linearised(y, model, here, stepper)
             with jax.named_scope("linear_solve"):
                 inverse = partial(precondition, M)
-                dy, n = scaling.correction(product, inverse, r, goal, stepper.max_linear)
-            return s.y - dy, n
+                dy, n = scaling.correction(product, inverse, r, goal, stepper.max_linear, along)
+            return s.y - dy, goal, goal > tight, n
 
         def stay():
-            return s.y, jnp.zeros((), int)
+            return s.y, s.goal, s.loose, jnp.zeros((), int)
 
-        n_newton = s.n_newton + 1
-        y, n = jax.lax.cond(asks & (n_newton < stepper.max_nonlinear), correct, stay)
-        return _Iterate(y, norm, first, asks, n_newton, s.n_gmres + n)
+        more = asks & (n_newton < stepper.max_nonlinear)
+        y, goal, loose, n = jax.lax.cond(more, correct, stay)
+        return _Iterate(y, norm, first, goal, loose, remainder, asks, n_newton, s.n_gmres + n)
 
-    zero, one = jnp.zeros((), int), jnp.ones(())
-    end = jax.lax.while_loop(
-        proceed, evaluate, _Iterate(start, one, one, jnp.asarray(True), zero - 1, zero)
-    )
+    zero, one, no = jnp.zeros((), int), jnp.ones(()), jnp.asarray(False)
+    begun = _Iterate(origin, one, one, 0.0 * one, no, start.remainder, ~no, zero - 1, zero)
+    end = jax.lax.while_loop(proceed, evaluate, begun)
+    y = unravel(end.y)
+    told = Start(y.u - guess.u, y.p - guess.p, end.remainder)
     remainder = end.norm / jnp.where(end.first > 0.0, end.first, 1.0)
-    return unravel(end.y), Convergence(end.n_gmres, end.n_newton, remainder)
+    return y, told, Convergence(end.n_gmres, end.n_newton, remainder)
 
 
 @eqx.filter_custom_jvp

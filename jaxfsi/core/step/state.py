@@ -10,6 +10,20 @@ from jaxfsi.core.step.model import Model
 from lumped.parameters import Parameter
 
 
+class Start(NamedTuple):
+    """Where the next step starts to look for its solution; the solution does not depend on it.
+
+    Attributes:
+        u: what the velocity was beyond its linear extrapolation [cm/s].
+        p: the same of the pressure [dyn/cm²].
+        remainder: share of a residual that a linear system left for not being the equations.
+    """
+
+    u: Float[Array, "3 nodes"]
+    p: Float[Array, " nodes"]
+    remainder: Float[Array, ""]
+
+
 class State(NamedTuple):
     """Fields and ports at one time.
 
@@ -23,6 +37,7 @@ class State(NamedTuple):
         u_before: velocity one step earlier, for extrapolation [cm/s].
         p_before: pressure one step earlier [dyn/cm²].
         d_before: displacement of the wall one step earlier [cm].
+        start: what the last step tells about where the next one starts.
         blocks: internal state of each port, such as that of its block; empty where it has none.
         P_port: pressure of each port [dyn/cm²].
         Q_port: flow out of each port [cm³/s].
@@ -37,6 +52,7 @@ class State(NamedTuple):
     u_before: Float[Array, "3 nodes"]
     p_before: Float[Array, " nodes"]
     d_before: Float[Array, "3 nodes"]
+    start: Start
     blocks: tuple[Float[Array, " _"], ...]
     P_port: Float[Array, " ports"]
     Q_port: Float[Array, " ports"]
@@ -81,6 +97,7 @@ def initial_state(
         u_before=zero,
         p_before=pressure,
         d_before=zero,
+        start=Start(zero, jnp.zeros(model.n_nodes), jnp.zeros(())),
         blocks=tuple(states),
         P_port=jnp.full(n_ports, jnp.asarray(p, float)),
         Q_port=jnp.zeros(n_ports),

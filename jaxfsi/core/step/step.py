@@ -13,7 +13,7 @@ from jaxfsi.core.solve.newton import SLACK, solve_step, with_derivative
 from jaxfsi.core.step.equations import Step, Unknowns, begin_step, extrapolated
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
-from jaxfsi.core.step.state import State
+from jaxfsi.core.step.state import Start, State
 from jaxfsi.core.step.stepper import Stepper
 
 
@@ -93,9 +93,9 @@ def _advance(
 def _solved(model: Model, state: State, stepper: Stepper) -> tuple[State, StepReport]:
     step = _begun(model, state, stepper)
     guess = extrapolated(state.t + stepper.dt, model, state)
-    y, convergence = solve_step(guess, model, step, stepper)
+    y, start, convergence = solve_step(guess, state.start, model, step, stepper)
     with jax.named_scope("update"):
-        new = _updated(y, model, step, stepper.method)
+        new = _updated(y, start, model, step, stepper.method)
     least = jnp.ones(())
     if stepper.motion is not None:
         least = jnp.min(step.fluid_shape.volume / stepper.motion.volume)
@@ -115,13 +115,13 @@ def _(primals, tangents):
     model, state, stepper, wanted = primals
     model_change, state_change, stepper_change, _ = tangents
     new, report = _advance(model, state, stepper, wanted)
-    y = Unknowns(new.u, new.p)
 
     @eqx.filter_checkpoint
     def again(model: Model, state: State, dt: Float[Array, ""]) -> State:
         timed = eqx.tree_at(lambda s: s.dt, stepper, dt)
         step = _begun(model, state, timed)
-        return _updated(with_derivative(y, model, step, timed), model, step, timed.method)
+        y = with_derivative(Unknowns(new.u, new.p), model, step, timed)
+        return _updated(y, new.start, model, step, timed.method)
 
     _, change = eqx.filter_jvp(
         again, (model, state, stepper.dt), (model_change, state_change, stepper_change.dt)
@@ -142,7 +142,9 @@ def _begun(model: Model, state: State, stepper: Stepper) -> Step:
     return begin_step(stepper.dt, model, state, stepper.method, stepper.motion)
 
 
-def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) -> State:
+def _updated(
+    y: Unknowns, start: Start, model: Model, step: Step, method: GeneralizedAlpha
+) -> State:
     dt, old = step.dt, step.state
     a = method.acceleration(dt, old.u, old.a, y.u)
     d = method.displacement(dt, old.d, old.u, old.a, a)
@@ -157,6 +159,7 @@ def _updated(y: Unknowns, model: Model, step: Step, method: GeneralizedAlpha) ->
         old.u,
         old.p,
         old.d,
+        start,
         tuple(port.x for port in ports),
         jnp.array([port.P for port in ports], float),
         jnp.array([port.Q for port in ports], float),

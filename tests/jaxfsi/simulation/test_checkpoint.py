@@ -14,6 +14,7 @@ from jaxfsi.simulation import (
     SimulationInterrupted,
     StepControl,
 )
+from jaxfsi.simulation.checkpoint import FORMAT
 
 N = 10
 OPTIONS = {"n_steps": N, "checkpoint_every": 5}
@@ -79,7 +80,7 @@ def _with_head(**changes):
             _with_head(run_hash="0", structure="0"),
             "version of the code whose model has other fields",
         ),
-        (_with_head(format=1), "has format 1, that of another version; this one reads 2"),
+        (_with_head(format=1), f"has format 1, that of another version; this one reads {FORMAT}"),
     ],
     ids=range(13),
 )

@@ -1,0 +1,70 @@
+"""Growth of time and memory of a step with the number of elements.
+
+The elastic tube of the benchmark `steps` on six meshes, each in a process of its own. The exponent
+is the slope of a straight line through all of them, both axes logarithmic.
+"""
+
+import concurrent.futures
+import multiprocessing
+import resource
+from typing import Any
+
+import numpy as np
+
+from benchmarks.step_parts import step_row
+from benchmarks.steps import CHUNK, DT
+from benchmarks.timing import in_turn, timed
+from jaxfsi.core.step.march import march
+from jaxfsi.core.step.state import initial_state
+from jaxfsi.core.step.stepper import prepare
+from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_mesh, wave_model
+
+MESHES = {
+    "10k": (16, 32, 2),
+    "30k": (22, 44, 3),
+    "60k": (30, 60, 3),
+    "150k": (40, 80, 4),
+    "300k": (50, 100, 5),
+    "500k": (60, 120, 6),
+}
+MOST = 1.15
+"""Exponent of the time of a step at most."""
+
+
+def run(rounds: int) -> dict[str, Any]:
+    """Time a step on each mesh."""
+    spawn = multiprocessing.get_context("spawn")
+    rows = []
+    for name in MESHES:
+        with concurrent.futures.ProcessPoolExecutor(1, mp_context=spawn) as process:
+            rows.append(process.submit(_row, name, rounds).result())
+    size = np.log([row["tets"] for row in rows])
+    exponents = {
+        key: float(np.polyfit(size, np.log([row[key] for row in rows]), 1)[0])
+        for key in ("median_s", "peak_GiB", "prepare_s")
+    }
+    return {
+        "name": "growth",
+        "rows": rows,
+        "exponents": exponents,
+        "notes": [
+            f"exponent of the time of a step: {exponents['median_s']:.2f} (at most {MOST:g})",
+            f"exponent of the preparation: {exponents['prepare_s']:.2f}; of the peak of memory, in"
+            f" which the program itself counts: {exponents['peak_GiB']:.2f}",
+            f"dt {DT:g} s, tolerance 1e-3; peak_GiB: of a process that does this alone.",
+        ],
+        "passed": exponents["median_s"] <= MOST,
+    }
+
+
+def _row(name: str, rounds: int) -> dict[str, Any]:
+    model = wave_model(wave_mesh(*MESHES[name]), TUBE_WAVE)
+    stepper, prepare_s = timed(lambda: prepare(DT, model))
+    begun, first_s = timed(lambda: march(model, initial_state(model), stepper, CHUNK))
+    ends, times = in_turn({name: lambda: march(model, begun.state, stepper, CHUNK)}, rounds)
+    return {
+        **step_row(name, model, ends[name].history.report, times[name], CHUNK),
+        "prepare_s": prepare_s,
+        "first_s": first_s,
+        "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+    }

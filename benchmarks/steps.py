@@ -50,6 +50,7 @@ _CASES: dict[str, tuple[tuple[int, int, int], WallElement, float]] = {
 _PROFILED = "60k"
 _JUDGED = ("60k", "60k, tolerance 1e-2")
 _TIGHT = 1e-7
+_GRADIENTS = {"gradient, 7k": 24, "gradient, 62k": 72}
 _GRADIENT_STEPS = 20
 _LONG = 1000
 
@@ -58,7 +59,7 @@ def run(rounds: int) -> dict[str, Any]:
     """Run the benchmark, each case in a process of its own, whose peak of memory is its own."""
     rows = []
     spawn = multiprocessing.get_context("spawn")
-    for part in (*_CASES, "gradient", "reverse mode"):
+    for part in (*_CASES, *_GRADIENTS, "reverse mode"):
         with concurrent.futures.ProcessPoolExecutor(1, mp_context=spawn) as process:
             rows += process.submit(_part, part, rounds).result()
     with tempfile.TemporaryDirectory() as folder:
@@ -85,8 +86,8 @@ def run(rounds: int) -> dict[str, Any]:
 
 
 def _part(name: str, rounds: int) -> list[dict[str, Any]]:
-    if name == "gradient":
-        return _gradient(rounds)
+    if name in _GRADIENTS:
+        return _gradient(_GRADIENTS[name], rounds)
     return _reverse_memory() if name == "reverse mode" else _case(name, rounds)
 
 
@@ -151,8 +152,8 @@ def _profile(
     }
 
 
-def _gradient(rounds: int) -> list[dict[str, Any]]:
-    model = coupled_model(coupled_mesh(n_around=24, n_axial=24))
+def _gradient(size: int, rounds: int) -> list[dict[str, Any]]:
+    model = coupled_model(coupled_mesh(n_around=size, n_axial=size))
     stepper, state = prepare(1e-3, model), initial_state(model, p=500.0)
     parameters = TubeParameters(*(jnp.asarray(value) for value in TubeParameters()))
     arguments = (parameters, model, state, stepper, _GRADIENT_STEPS)
@@ -166,7 +167,7 @@ def _gradient(rounds: int) -> list[dict[str, Any]]:
     forward = times["forward run"]["median_s"]
     return [
         {
-            "what": name,
+            "what": f"{name}, {_GRADIENT_STEPS} steps",
             "tets": model.fluid_tets.shape[1] + model.solid_tets.shape[1],
             "first_s": found["first_s"],
             "median_s": found["median_s"] / _GRADIENT_STEPS,

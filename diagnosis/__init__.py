@@ -6,7 +6,7 @@ from lumped.lazy_package import import_on_first_use
 
 if TYPE_CHECKING:
     from diagnosis.catalogue import CATALOGUE
-    from diagnosis.diagnose import Diagnosis, diagnose
+    from diagnosis.diagnose import diagnose
     from diagnosis.effects import PLACES, Effect, apply_effects, find_effect
     from diagnosis.gap import RATIO_SD, RatioGap, ratio_gap
     from diagnosis.measured import SCALARS, SENSORS, Measured
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         noise_of,
         stacked,
     )
+    from diagnosis.result import Diagnosis
     from diagnosis.verdict import Judgement
 
 __all__ = [

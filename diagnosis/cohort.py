@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logsumexp
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.result import Diagnosis
 from diagnosis.verdict import NAMED, NO_GAP, PRIOR
 
 

@@ -11,18 +11,17 @@
 4. Add a free forcing at every place, alone and to the best hypotheses: "unknown".
 5. Probabilities and verdict from evidence and priors.
 6. Compare how the best hypothesis and no gap predict conditions that were left out (`predictive`);
-   one that predicts worse is not named.
+   one that predicts worse is not named. Nor is one that misses the held-out traces by more than no
+   gap does (`shrink.heeding_held_out`).
 7. Where nothing explains a record, and a free forcing would act at the inlet, repeat all this with
    the recorded aortic waveform in place of the assumed one (`inlet`, `own_inlet`).
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
@@ -52,13 +51,13 @@ from diagnosis.pairs import (
 )
 from diagnosis.prediction import n_unknowns
 from diagnosis.predictive import Predicted
+from diagnosis.result import Diagnosis
 from diagnosis.scan import Scan
+from diagnosis.shrink import heeding_held_out
 from diagnosis.singles import single_fits
 from diagnosis.verdict import (
     PRIOR,
-    UNKNOWN,
     Hypothesis,
-    Judgement,
     judge,
     predicts_no_worse,
     probabilities_of,
@@ -67,59 +66,6 @@ from diagnosis.verdict import (
 
 ACCOMPANIED = 2
 """Number of likeliest hypotheses to which a free forcing is added."""
-
-
-class Diagnosis(NamedTuple):
-    """The diagnosis of one record; `study` writes it as a report.
-
-    Attributes:
-        record: the record.
-        effects: the catalogue.
-        judgement: probabilities and verdict.
-        fits: every fitted hypothesis, each effect in its likeliest form.
-        acting: the effects of every fitted hypothesis in those forms.
-        forms: probabilities of the forms of every effect that has several, by id and name; the
-            first form's name is empty.
-        log_B: ln evidence of every fitted hypothesis over that of no gap.
-        scan: ln B of every effect by the score scan about the base optimum.
-        visibility: detectability λ of each effect in this record, per unit of its size.
-        forcing: ln B of a free forcing alone, places × correlations × lengths × amplitudes.
-        accompanied: the same together with other hypotheses, over no gap.
-        beside: parts of the probability of "unknown", by the effects that act together with it.
-        n_data: number of data.
-        predicted: gain of the best hypothesis over no gap in ln predictive density.
-    """
-
-    record: Measured
-    effects: tuple[Effect, ...]
-    judgement: Judgement
-    fits: Mapping[Hypothesis, Fitted]
-    acting: Mapping[Hypothesis, tuple[Effect, ...]]
-    forms: Mapping[str, Mapping[str, float]]
-    log_B: Mapping[Hypothesis, float]
-    scan: Mapping[str, float]
-    visibility: Mapping[str, float]
-    forcing: Float[np.ndarray, "p s l a"]
-    accompanied: Mapping[Hypothesis, Float[np.ndarray, "p s l a"]]
-    beside: Mapping[Hypothesis, float]
-    n_data: int
-    predicted: Predicted | None = None
-
-    @property
-    def base(self) -> Fitted:
-        """The fit without any effect."""
-        return self.fits[()]
-
-    @property
-    def known_part(self) -> Hypothesis:
-        """Effects that act beside something unknown, more likely than not; empty without any."""
-        likeliest = max(self.beside, key=lambda h: self.beside[h])
-        return likeliest if self.beside[likeliest] >= UNKNOWN else ()
-
-    @property
-    def best(self) -> Fitted:
-        """The fit of the most probable hypothesis."""
-        return self.fits[self.judgement.best]
 
 
 def diagnose(
@@ -154,15 +100,15 @@ def diagnose(
     found = _diagnosed(batch, effects, forms, numbers, progress)
     freed = np.array([b for b, d in enumerate(found) if needs_own_inlet(d)], int)
     if freed.size == 0:
-        return found
+        return [heeding_held_out(d) for d in found]
     x = np.stack([np.asarray(found[b].base.x) for b in freed])
     own, sound = inlet_freed(_rows(batch, freed), x, numbers, forms, progress)
     if not np.any(sound):
-        return found
+        return [heeding_held_out(d) for d in found]
     again = _diagnosed(_rows(own, np.flatnonzero(sound)), effects, forms, numbers, progress)
     for b, d in zip(freed[sound], again, strict=True):
         found[b] = with_own_inlet(found[b], d)
-    return found
+    return [heeding_held_out(d) for d in found]
 
 
 def _rows(batch: Measured, chosen: np.ndarray) -> Measured:

@@ -19,12 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import SCALE, Effect, find_effect
 from diagnosis.hypothesis import numbers_of
 from diagnosis.measured import OFFSET_SD, Measured
 from diagnosis.prediction import n_unknowns
 from diagnosis.resolution import SAMPLES
+from diagnosis.result import Diagnosis
 from diagnosis.scan import Linearised, linearise
 
 ALIAS_COSINE = 0.9

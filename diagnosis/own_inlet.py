@@ -5,7 +5,6 @@ gives the base model, and the single effects with the assumed waveform, which al
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
@@ -28,17 +27,15 @@ from diagnosis.inlet import (
     with_inlet_mean,
 )
 from diagnosis.measured import Measured
+from diagnosis.result import Diagnosis
 from diagnosis.verdict import Hypothesis, Judgement, cover_of, key_of
 from lumped.units import MMHG
-
-if TYPE_CHECKING:
-    from diagnosis.diagnose import Diagnosis
 
 INLET_PASSES = 2
 """Fits of the base model about which a free inlet is linearised."""
 
 
-def needs_own_inlet(diagnosis: "Diagnosis") -> bool:
+def needs_own_inlet(diagnosis: Diagnosis) -> bool:
     """Whether nothing known explains a record, and what acts would act at its inlet."""
     known = any(effect.id == EFFECT for effect in diagnosis.effects)
     recorded = diagnosis.record.n_sensors > 0
@@ -79,7 +76,7 @@ def inlet_freed(
     return with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later)), sound
 
 
-def with_own_inlet(assumed: "Diagnosis", own: "Diagnosis") -> "Diagnosis":
+def with_own_inlet(assumed: Diagnosis, own: Diagnosis) -> Diagnosis:
     """The diagnosis of a record whose aortic waveform is not the assumed one.
 
     Args:

@@ -9,16 +9,21 @@ The prediction after the diagnosis averages all hypotheses by their probabilitie
 1999, Stat Sci 14:382), with the base model for "unknown" alone, and the effects known to act for
 "unknown" beside them. It is the base model alone if the verdict is "no_gap" (nothing needs to be
 added), or "unknown" without a part that is known, or with one that comes no nearer to the traces
-that were fitted.
+that were fitted; and where the effects predict what was left out worse than no gap does.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis
 from diagnosis.measured import OFFSET_SD
-from diagnosis.verdict import key_of
+from diagnosis.result import Diagnosis
+from diagnosis.verdict import key_of, unconfirmed
+from lumped.units import MMHG
+
+WORSE, WORSE_BY = 1.1, 0.05 * MMHG
+"""RMS error of a held-out distal pressure after the effects that counts as worse: that before,
+times and plus [dyn/cm²]."""
 
 
 class Shrink(NamedTuple):
@@ -53,7 +58,11 @@ def expected_waves(diagnosis: Diagnosis) -> np.ndarray:
     """Predicted signals after the diagnosis, conditions × 3 sensors × samples [CGS]."""
     base = np.asarray(diagnosis.base.waves)
     verdict = diagnosis.judgement.verdict
-    if verdict == "no_gap" or (verdict == "unknown" and not diagnosis.known_part):
+    if (
+        not diagnosis.judgement.confirmed
+        or verdict == "no_gap"
+        or (verdict == "unknown" and not diagnosis.known_part)
+    ):
         return base
     change = np.zeros_like(base)
     for hypothesis, fitted in diagnosis.fits.items():
@@ -111,6 +120,19 @@ def held_out_gap(diagnosis: Diagnosis) -> list[HeldOut]:
             ratio = Shrink(off(before), off(after), float(floor))
         found.append(HeldOut(c, rms, ratio))
     return found
+
+
+def heeding_held_out(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis, or one that names nothing where its prediction misses what was held out.
+
+    The predictive density weighs a miss by what the hypothesis leaves open; a page that calls a
+    gap explained while the error of the distal pressure grows misleads all the same.
+    """
+    errors = [held.P_distal_rms for held in held_out_gap(diagnosis)]
+    worse = any(e is not None and e.after > WORSE * e.before + WORSE_BY for e in errors)
+    if not worse:
+        return diagnosis
+    return diagnosis._replace(judgement=unconfirmed(diagnosis.judgement))
 
 
 def measured_ratio(diagnosis: Diagnosis, c: int) -> float | None:

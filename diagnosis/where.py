@@ -22,13 +22,13 @@ from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.circuit import FORCED, PHASE, TO_SAMPLES
-from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PLACES, all_forms
 from diagnosis.engine import base_start, run_fits
 from diagnosis.hypothesis import Fitted, numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
 from diagnosis.prediction import data_of_waves
 from diagnosis.resolution import HARMONICS
+from diagnosis.result import Diagnosis
 from diagnosis.scan import linearise
 from diagnosis.verdict import Hypothesis
 

@@ -77,16 +77,17 @@ def _several(diagnosis: Diagnosis) -> str:
 
 def _partly(diagnosis: Diagnosis, chance: float) -> str:
     """The verdict where something acts that is not in the catalogue."""
+    near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
+    if not diagnosis.judgement.confirmed:
+        fits = "fits it" if diagnosis.judgement.closed else "fits a part of it"
+        return (
+            f"{_found(diagnosis, chance)}. {near.capitalize()} {fits}, but predicts the conditions"
+            " that were left out worse than no gap does, so the cause is another one."
+        )
     if diagnosis.known_part:
         known = (find_effect(diagnosis.effects, name).sentence for name in diagnosis.known_part)
         parts = "; and ".join(known)
         return f"The gap is explained in part: {parts}. What is left is not in the catalogue."
-    near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
-    if diagnosis.judgement.closed and not diagnosis.judgement.confirmed:
-        return (
-            f"{_found(diagnosis, chance)}. {near.capitalize()} fits it, but predicts the conditions"
-            " that were left out worse than no gap does, so the cause is another one."
-        )
     return (
         f"{_found(diagnosis, chance)}, and no effect of the catalogue explains it. "
         f"The nearest is {near}, which leaves a part."

@@ -74,7 +74,7 @@ def _plot(points: list[Point], x_label: str, y_label: str) -> str:
 
 
 def _below(place: Point) -> Point:
-    return place[0], place[1] + 24
+    return place[0], place[1] + 48
 
 
 def _range(values: list[float]) -> tuple[float, float]:

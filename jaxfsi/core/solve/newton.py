@@ -189,13 +189,13 @@ def solve_step(
 ) -> tuple[Unknowns, Start, Convergence]:
     """Solve the equations of a step; see `with_derivative`.
 
-    What rises faster and faster leaves its linear extrapolation behind by about as much as in the
-    step before: each linear system is solved along that first.
+    A flow that accelerates leaves its linear extrapolation behind by about as much as it did in the
+    step before, so each linear system is first solved along that correction.
 
-    Where the first linear system will leave more than the step allows, because coefficients belong
-    to the iterate before, it is solved to half of that remainder only: the second one has to be
-    solved in any case. The remainder is that of the step before (Eisenstat & Walker 1996, SIAM J.
-    Sci. Comput. 17:16, choice 1).
+    The coefficients belong to the iterate before, so a first linear system, however exactly it is
+    solved, leaves a share of the residual. Where that share is more than the step allows, a second
+    system follows in any case, and the first is solved to half of the share only. The share is
+    known from the step before (Eisenstat & Walker 1996, SIAM J. Sci. Comput. 17:16, choice 1).
 
     Args:
         guess: linear extrapolation, by whose residual convergence is judged.

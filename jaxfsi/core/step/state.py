@@ -11,12 +11,13 @@ from lumped.parameters import Parameter
 
 
 class Start(NamedTuple):
-    """Where the next step starts to look for its solution; the solution does not depend on it.
+    """What the last step tells the solver of the next; the solution does not depend on it.
 
     Attributes:
         u: what the velocity was beyond its linear extrapolation [cm/s].
         p: the same of the pressure [dyn/cm²].
-        remainder: share of a residual that a linear system left for not being the equations.
+        remainder: share of the residual that its first linear system left because the equations are
+            not linear.
     """
 
     u: Float[Array, "3 nodes"]

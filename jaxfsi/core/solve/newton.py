@@ -43,9 +43,9 @@ SLACK = 10.0
 """A nonlinear residual of at most SLACK × tolerance is accepted without linearising again."""
 
 LINEAR_SHARE = 0.25
-"""Share of the tolerance that the last linear system of a step may leave. The residuals that a start
-along the last correction leaves are alike from step to step: with half of the tolerance the volume
-that a tube holds drifts by 5e-5 of what passes it, with a quarter by half of that."""
+"""Share of the tolerance that the last linear system of a step may leave. What a start along the
+last correction leaves is alike from step to step: with half of the tolerance the volume that a
+tube holds drifts by 5e-5 of what passes it, with a quarter by 2e-5."""
 
 LOOSEST = 0.1
 """Largest relative tolerance of a linear system."""

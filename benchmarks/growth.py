@@ -6,18 +6,12 @@ is the slope of a straight line through all of them, both axes logarithmic.
 
 import concurrent.futures
 import multiprocessing
-import resource
 from typing import Any
 
 import numpy as np
 
-from benchmarks.step_parts import step_row
-from benchmarks.steps import CHUNK, DT
-from benchmarks.timing import in_turn, timed
-from jaxfsi.core.step.march import march
-from jaxfsi.core.step.state import initial_state
-from jaxfsi.core.step.stepper import prepare
-from jaxfsi.verification.tube_wave import TUBE_WAVE, wave_mesh, wave_model
+from benchmarks.steps import DT, timed_steps
+from jaxfsi.verification.tube_wave import wave_mesh
 
 MESHES = {
     "10k": (16, 32, 2),
@@ -58,13 +52,4 @@ def run(rounds: int) -> dict[str, Any]:
 
 
 def _row(name: str, rounds: int) -> dict[str, Any]:
-    model = wave_model(wave_mesh(*MESHES[name]), TUBE_WAVE)
-    stepper, prepare_s = timed(lambda: prepare(DT, model))
-    begun, first_s = timed(lambda: march(model, initial_state(model), stepper, CHUNK))
-    ends, times = in_turn({name: lambda: march(model, begun.state, stepper, CHUNK)}, rounds)
-    return {
-        **step_row(name, model, ends[name].history.report, times[name], CHUNK),
-        "prepare_s": prepare_s,
-        "first_s": first_s,
-        "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
-    }
+    return timed_steps(name, wave_mesh(*MESHES[name]), rounds, tolerance=1e-3).row

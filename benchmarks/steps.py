@@ -13,7 +13,7 @@ import pathlib
 import resource
 import tempfile
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -91,29 +91,62 @@ def _part(name: str, rounds: int) -> list[dict[str, Any]]:
     return _reverse_memory() if name == "reverse mode" else _case(name, rounds)
 
 
-def _case(name: str, rounds: int) -> list[dict[str, Any]]:
-    size, wall_element, tolerance = _CASES[name]
-    mesh = wave_mesh(*size)
+class TimedSteps(NamedTuple):
+    """Steps of the tube, timed.
+
+    Attributes:
+        row: what was measured.
+        model: the model.
+        stepper: what was prepared.
+        begun: the state before the steps, the start of the burst behind.
+        end: the state after them.
+    """
+
+    row: dict[str, Any]
+    model: Model
+    stepper: Stepper
+    begun: State
+    end: State
+
+
+def timed_steps(
+    name: str, mesh: Mesh, rounds: int, *, wall_element: WallElement = "linear", tolerance: float
+) -> TimedSteps:
+    """Time `CHUNK` steps of the tube on a mesh, in a process that does this alone.
+
+    Args:
+        name: of the row.
+        mesh: of the tube.
+        rounds: calls timed.
+        wall_element: elements of the wall.
+        tolerance: of a step.
+    """
     model = wave_model(mesh, TUBE_WAVE, wall_element=wall_element)
     stepper, prepare_s = timed(lambda: prepare(DT, model, tolerance=tolerance))
     state = initial_state(model)
     begun, first_s = timed(lambda: march(model, state, stepper, CHUNK))
-    # The start of the burst is behind.
     ends, times = in_turn({name: lambda: march(model, begun.state, stepper, CHUNK)}, rounds)
-    report = ends[name].history.report
     row = {
-        **step_row(name, model, report, times[name], CHUNK),
+        **step_row(name, model, ends[name].history.report, times[name], CHUNK),
         "tolerance": stepper.tolerance,
         "prepare_s": prepare_s,
         "first_s": first_s,
         "peak_GiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
     }
+    return TimedSteps(row, model, stepper, begun.state, ends[name].state)
+
+
+def _case(name: str, rounds: int) -> list[dict[str, Any]]:
+    size, wall_element, tolerance = _CASES[name]
+    mesh = wave_mesh(*size)
+    row, model, stepper, begun, found = timed_steps(
+        name, mesh, rounds, wall_element=wall_element, tolerance=tolerance
+    )
     if name in _JUDGED:
         tight = prepare(DT, model, tolerance=_TIGHT, max_linear=100, max_nonlinear=8)
-        exact = march(model, begun.state, tight, CHUNK).state
-        found = ends[name].state
+        exact = march(model, begun, tight, CHUNK).state
         row["error"] = max(_difference(found.p, exact.p), _difference(found.d, exact.d))
-    profile = _profile(mesh, model, begun.state, stepper, row, rounds) if name == _PROFILED else ()
+    profile = _profile(mesh, model, begun, stepper, row, rounds) if name == _PROFILED else ()
     return [row, *profile]
 
 

@@ -181,7 +181,7 @@ def rest_map(record: Measured) -> Map | None:
     """
     if not np.any((np.asarray(record.stress) == 0.0) & (np.asarray(record.held_out) == 0.0)):
         return None
-    shown = data_of_waves(fit_at_rest(record).waves, record.n_sensors)
+    shown = data_of_waves(jnp.asarray(fit_at_rest(record).waves), record.n_sensors)
     return misfit_map(record, np.asarray(whitener_of(record)(data_of(record) - shown)))
 
 

@@ -24,5 +24,8 @@ MAX_HALVINGS = 4
 MAX_GMRES = 40
 """Iterations of GMRES in a linear system at most."""
 
+MAX_SYSTEMS = 10
+"""Linear systems in a step at most. A step that crosses ten elements in a narrow takes seven."""
+
 CHECKPOINT_EVERY = 100
 """Whole steps between two checkpoints."""

@@ -16,7 +16,7 @@ from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import Start, State
 from jaxfsi.core.step.step import RESULTS
 from jaxfsi.core.step.stepper import Stepper, prepare
-from jaxfsi.nominal import CHECKPOINT_EVERY, MAX_GMRES
+from jaxfsi.nominal import CHECKPOINT_EVERY, MAX_GMRES, MAX_SYSTEMS
 from jaxfsi.simulation.checkpoint import (
     Checkpoint,
     CheckpointError,
@@ -52,7 +52,7 @@ class SolverChoice:
     rho_infinity: float = 0.5
     tolerance: float = 1e-3
     max_linear: int = MAX_GMRES
-    max_nonlinear: int = 6
+    max_nonlinear: int = MAX_SYSTEMS
 
 
 class ProgressRecord(NamedTuple):

@@ -13,6 +13,7 @@ from jaxfsi.nominal import (
     CHECKPOINT_EVERY,
     MAX_GMRES,
     MAX_HALVINGS,
+    MAX_SYSTEMS,
     WALL_DENSITY,
 )
 from lumped.nominal import C0_NOMINAL, NOMINAL
@@ -287,10 +288,8 @@ class WindkesselParameters:
 class SolverOptions:
     """Numerical choices. Where a key has no default, the command chooses.
 
-    Two defaults are not those of the core, which has rho_infinity = 0.5 and 6 systems a step.
-    Geometry is extrapolated in time, and the two pressures on the sides of an intramural wall shake
-    it: 0 damps most. A wall of an artery strains by a tenth, where each system brings the residual
-    down by less than a digit.
+    One default is not that of the core, which has rho_infinity = 0.5. Geometry is extrapolated in
+    time, and the two pressures on the sides of an intramural wall shake it: 0 damps most.
     """
 
     added_later: ClassVar[frozenset[str]] = frozenset(
@@ -352,7 +351,7 @@ class SolverOptions:
         Quantity(
             "number", "", 1.0, 100.0, whole=True, text="3D: linear systems in a step at most"
         ),
-    ] = 8  # fmt: skip
+    ] = MAX_SYSTEMS  # fmt: skip
     max_iterations: Annotated[
         int,
         Quantity(

@@ -9,7 +9,7 @@ from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_motion
 from jaxfsi.core.solve.preconditioner import Preconditioner, preconditioner
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
 from jaxfsi.core.step.model import Model
-from jaxfsi.nominal import MAX_GMRES
+from jaxfsi.nominal import MAX_GMRES, MAX_SYSTEMS
 
 
 class Stepper(eqx.Module):
@@ -41,7 +41,7 @@ def prepare(
     rho_infinity: float = 0.5,
     tolerance: float = 1e-3,
     max_linear: int = MAX_GMRES,
-    max_nonlinear: int = 6,
+    max_nonlinear: int = MAX_SYSTEMS,
 ) -> Stepper:
     """Make the factors for steps of length dt [s]; the model's numbers must be concrete.
 

@@ -74,7 +74,7 @@ def test_defaults_are_a_newtonian_elastic_model_alone_in_space(read):
     assert float(wall.material.volumetric_penalty) == 0.0
     given = (wall.rho_s, wall.damping, wall.support_stiffness, wall.support_damping)
     assert [float(x) for x in given] == [1.0, 0.0, 0.0, 0.0]
-    assert solver_choice(case.solver) == SolverChoice(rho_infinity=0.0, max_nonlinear=8)
+    assert solver_choice(case.solver) == SolverChoice(rho_infinity=0.0)
 
 
 def test_shear_thinning_arrives(read):

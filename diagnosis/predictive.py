@@ -5,6 +5,10 @@ condition c given the others is the difference of two evidences,
 
     ln p(y_c | y_others) = ln Z(all) − ln Z(all but c).
 
+The freedom of an effect's form widens what it predicts in each condition anew. Where the data
+follow the form more closely than that, the freedom alone would make the effect predict worse than
+no gap does: the density is that with the freedom or without it, whichever is larger.
+
 Held-out conditions are revealed here alone, after the fit: ln p(held out | fitted). A named effect
 has to predict them no worse than no gap does; without held-out data, every condition is left out in
 turn.
@@ -77,11 +81,11 @@ def predictive_density(
     value, J = by_condition(seen, cases, jnp.asarray(chooser))(inside)
     uncertain = uncertain_signals(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
 
-    def linear_of(record: Measured) -> tuple[Whitened, Array]:
+    def linear_of(record: Measured, freedom: Array) -> tuple[Whitened, Array]:
         W = whitener_of(record)
         slopes = W.columns(J)
         e = W(data_of(record) - value) + slopes @ inside
-        return Whitened(e, slopes), uncertain.columns(W)
+        return Whitened(e, slopes), freedom * uncertain.columns(W)
 
     def log_Z(linear: Whitened, F: Array, used: Array) -> Array:
         kept = Whitened(linear.e * used[:, None], linear.J * used[:, None, None])
@@ -89,12 +93,16 @@ def predictive_density(
         return after.log_evidence + log_prior_of_sizes(after, pair, sided)
 
     C = measured.n_conditions
-    fitted, revealed = linear_of(measured), linear_of(shown)
-    # a condition of which nothing counts adds nothing: its whitened data are zero
-    own = 1.0 - measured.held_out
-    given = log_Z(*fitted, jnp.ones(C))
-    held_out = log_Z(*revealed, jnp.ones(C)) - given
-    without = jax.vmap(lambda k: log_Z(*fitted, 1.0 - k))(jnp.eye(C))
+
+    def densities(freedom: Array) -> tuple[Array, Array]:
+        fitted, revealed = linear_of(measured, freedom), linear_of(shown, freedom)
+        # a condition of which nothing counts adds nothing: its whitened data are zero
+        given = log_Z(*fitted, jnp.ones(C))
+        without = jax.vmap(lambda k: log_Z(*fitted, 1.0 - k))(jnp.eye(C))
+        return log_Z(*revealed, jnp.ones(C)) - given, (given - without) * (1.0 - measured.held_out)
+
+    held_out, left_out = jax.vmap(densities)(jnp.array([0.0, 1.0]))
     return Predicted(
-        jnp.where(jnp.sum(measured.held_out) > 0.5, held_out, 0.0), (given - without) * own
+        jnp.where(jnp.sum(measured.held_out) > 0.5, jnp.max(held_out), 0.0),
+        left_out[jnp.argmax(jnp.sum(left_out, axis=1))],
     )

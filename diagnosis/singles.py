@@ -4,6 +4,11 @@ The scan about the base optimum predicts how much better another form of an effe
 first one. A form is fitted where that prediction comes near the best effect of the record; the
 others get the predicted evidence, at most that of the first form. Records without waveforms hardly
 tell forms apart: there all are predicted.
+
+A fit starts from the base optimum. Where an unknown of the patient has gone far from its prior
+there, it stands in for what the base model lacks, and a fit of the effect itself may stay: a damped
+distal trace looks like an artery of forty times its compliance. Such a record is fitted from the
+priors' means as well.
 """
 
 import jax
@@ -19,6 +24,13 @@ from diagnosis.scan import Scan
 
 NEAR = 12.0
 """ln B below that of the best effect down to which further forms are fitted."""
+
+EXPECTED = 1.0 / SCALE
+"""Standardised size of an effect at its root mean square a priori."""
+
+STRAINED = 3.0
+"""Distance of an unknown from its prior, in standard deviations, from which fits of effects start
+from the priors' means as well."""
 
 
 def single_fits(
@@ -63,9 +75,10 @@ def single_fits(
     if record.size == 0:
         return every
     positions = np.stack([form, np.full_like(form, -1)], axis=1)
-    more = _best_of_starts(
-        batch, record, positions, np.asarray(base.x)[record], numbers, forms, progress
+    starts = np.where(
+        strained(base)[record, None], every.x[record * F + form], np.asarray(base.x)[record]
     )
+    more = _best_of_starts(batch, record, positions, starts, numbers, forms, progress)
 
     def placed(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
         found = whole.copy()
@@ -73,6 +86,11 @@ def single_fits(
         return found
 
     return jax.tree.map(placed, every, more)
+
+
+def strained(base: Fitted) -> np.ndarray:
+    """Whether an unknown of the base model is far from its prior, by record."""
+    return np.any(np.abs(np.asarray(base.x)[:, :-2]) > STRAINED, axis=1)
 
 
 def _first_fits(
@@ -92,9 +110,19 @@ def _first_fits(
     parts: list[Fitted] = []
     if np.any(free):
         start = np.asarray(base.x)[record[free]]
-        parts.append(
-            _best_of_starts(batch, record[free], positions[free], start, numbers, forms, progress)
+        near = _best_of_starts(
+            batch, record[free], positions[free], start, numbers, forms, progress
         )
+        far = np.flatnonzero(strained(base)[record[free]])
+        for size in (0.0, EXPECTED) if far.size else ():
+            start = np.zeros((far.size, start.shape[1]))
+            start[:, -2] = size
+            again = run_fits(
+                batch, record[free][far], positions[free][far], start, numbers, forms,
+                step="fitting from the priors", progress=progress,
+            )  # fmt: skip
+            near = _better(near, again, far)
+        parts.append(near)
     if curved.size:
         parts.append(along_ridges(batch, base, curved, numbers, forms, progress))
     back = np.argsort(~free, kind="stable").argsort()
@@ -120,16 +148,27 @@ def _best_of_starts(
     if again.size == 0:
         return near
     moved = starts[again].copy()
-    moved[:, -2] = 1.0 / SCALE
+    moved[:, -2] = EXPECTED
     far = run_fits(
         batch, record[again], pairs[again], moved, numbers, effects,
         step="fitting from a second start", progress=progress,
     )  # fmt: skip
-    better = far.sound & (far.log_evidence > near.log_evidence[again])
+    return _better(near, far, again)
+
+
+def _better(near: Fitted, again: Fitted, at: np.ndarray) -> Fitted:
+    """Fits, some of which were made again: the better of the two.
+
+    Args:
+        near: all fits.
+        again: those at the positions `at`, from another start.
+        at: positions.
+    """
+    better = again.sound & (again.log_evidence > near.log_evidence[at])
 
     def merge(first: np.ndarray, second: np.ndarray) -> np.ndarray:
         merged = first.copy()
-        merged[again[better]] = second[better]
+        merged[at[better]] = second[better]
         return merged
 
-    return jax.tree.map(merge, near, far)
+    return jax.tree.map(merge, near, again)

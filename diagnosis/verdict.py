@@ -15,7 +15,8 @@ effect sums its probabilities alone, in pairs, and together with an unknown effe
 Closed: the remaining misfit has p > 0.001 or is below 10 % of the base model's excess.
 (The noise is never known exactly: 5 % of its variance is a quarter of what p = 0.001 allows.)
 Predicts worse: the ln predictive density of the held-out conditions falls by more than 1 against no
-gap; without such conditions, that of the fitted ones, each left out in turn, falls (`predictive`).
+gap, by more than 5 where that of the fitted ones, each left out in turn, rises; without such
+conditions, that of the fitted ones falls (`predictive`).
 """
 
 from collections.abc import Mapping
@@ -37,6 +38,10 @@ NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
 
 WORSE = -1.0
 """Gain in ln predictive density of held-out conditions below which an effect is not named."""
+
+CLEARLY_WORSE = -5.0
+"""The same where the fitted conditions, each left out in turn, are predicted better: a patient far
+from the priors can make up for an effect in all conditions, and then both predict alike."""
 
 CLOSED_P, CLOSED_EXCESS = 0.001, 0.10
 """Closure: p-value of the misfit, or remaining share of the base excess."""
@@ -131,7 +136,9 @@ def predicts_no_worse(held_out: float | None, left_out: float) -> bool:
         held_out: gain in ln predictive density of the held-out conditions; None without any.
         left_out: the same, summed, of the fitted ones, each left out in turn.
     """
-    return left_out > 0.0 if held_out is None else held_out > WORSE
+    if held_out is None:
+        return left_out > 0.0
+    return held_out > (CLEARLY_WORSE if left_out > 0.0 else WORSE)
 
 
 def judge(

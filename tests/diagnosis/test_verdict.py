@@ -1,7 +1,14 @@
 import numpy as np
 import pytest
 
-from diagnosis.verdict import BESIDE, PRIOR, is_closed, judge, probabilities_of
+from diagnosis.verdict import (
+    BESIDE,
+    PRIOR,
+    is_closed,
+    judge,
+    predicts_no_worse,
+    probabilities_of,
+)
 
 
 def test_probabilities_follow_bayes_rule():
@@ -40,3 +47,18 @@ def test_a_gap_must_be_demonstrated_before_it_is_explained(none, a, unknown, ver
     p = {"none": none, "a": a, "b": 1.0 - none - a - unknown, "unknown": unknown}
     judgement = judge(p, ("a", "b"), {(): 12.0, ("a",): 9.0, ("b",): 10.0}, 20, 5)
     assert judgement.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("held_out", "left_out", "no_worse"),
+    [
+        (None, 0.1, True),
+        (None, -0.1, False),
+        (-0.9, -3.0, True),
+        (-1.1, -3.0, False),
+        (-4.9, 2.0, True),
+        (-5.1, 200.0, False),
+    ],
+)
+def test_held_out_conditions_count_most(held_out, left_out, no_worse):
+    assert predicts_no_worse(held_out, left_out) is no_worse

@@ -33,6 +33,11 @@ def found():
     return diagnose(stacked([measured(record) for record in records]))
 
 
+def _is_strained(diagnosis):
+    """Whether its fits have several starts, see `diagnosis.singles`."""
+    return bool(strained(jax.tree.map(lambda leaf: np.asarray(leaf)[None], diagnosis.base))[0])
+
+
 @pytest.mark.slow
 def test_single_causes_are_named_with_their_sizes(found):
     for diagnosis, sizes in zip(found[:3], CAUSES[:3], strict=True):
@@ -62,7 +67,7 @@ def test_two_causes_are_both_found(found):
 def test_a_patient_far_from_the_priors_hides_no_effect(found):
     """The base model makes up for a damped distal trace by an artery of many times its compliance,
     and fits that start there stay there."""
-    assert strained(jax.tree.map(lambda leaf: np.asarray(leaf)[None], found[5].base)).all()
+    assert _is_strained(found[5])
     assert found[5].judgement.named == ("distal_damping",)
     fitted = found[5].fits[("distal_damping",)]
     size, sd = float(fitted.sizes[NAMES.index("distal_damping")]), float(fitted.size_sd[0])
@@ -81,7 +86,9 @@ def test_the_held_out_gap_shrinks_to_the_noise(found):
 
 @pytest.mark.slow
 def test_no_fit_ends_above_the_base_optimum(found):
-    for diagnosis in found[:5]:  # the last has fits from two starts
+    once = [d for d in found if not _is_strained(d)]
+    assert len(once) > 1
+    for diagnosis in once:
         limit = float(diagnosis.base.cost) + 1e-6
         for hypothesis, fitted in diagnosis.fits.items():
             assert bool(fitted.sound)

@@ -50,6 +50,9 @@ CRUDE_FORM = 0.3
 SCALE = 3.0**-0.5
 """Width s of the prior over its root mean square."""
 
+EXPECTED = 1.0 / SCALE
+"""Standardised size of an effect at that root mean square."""
+
 NEGATIVE_LIMIT = 0.1
 """How far below zero a one-sided size may go in a fit, in units of the prior's width."""
 

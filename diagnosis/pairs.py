@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
-from diagnosis.effects import SCALE, Effect
+from diagnosis.effects import EXPECTED, Effect
 from diagnosis.engine import ProgressCallback, run_fits, run_scans
 from diagnosis.hypothesis import Catalogue, Fitted
 from diagnosis.measured import Measured
@@ -156,7 +156,7 @@ def promising_pairs(
             if place == 0:
                 for e in best:
                     if effects[e].two_starts:
-                        add(b, at, first, e, 1.0 / SCALE)
+                        add(b, at, first, e, EXPECTED)
     fitted = run_fits(
         batch, [b for b, _, _ in jobs], [(i, j) for _, i, j in jobs], np.array(starts), numbers,
         effects, step="fitting pairs of effects", progress=progress,

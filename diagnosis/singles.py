@@ -14,7 +14,7 @@ priors' means as well.
 import jax
 import numpy as np
 
-from diagnosis.effects import SCALE, Effect
+from diagnosis.effects import EXPECTED, Effect
 from diagnosis.engine import ProgressCallback, run_fits
 from diagnosis.hypothesis import Catalogue, Fitted
 from diagnosis.measured import Measured
@@ -24,9 +24,6 @@ from diagnosis.scan import Scan
 
 NEAR = 12.0
 """ln B below that of the best effect down to which further forms are fitted."""
-
-EXPECTED = 1.0 / SCALE
-"""Standardised size of an effect at its root mean square a priori."""
 
 STRAINED = 3.0
 """Distance of an unknown from its prior, in standard deviations, from which fits of effects start

@@ -13,8 +13,9 @@
 6. Compare how the best hypothesis and no gap predict conditions that were left out (`predictive`);
    one that predicts worse is not named. Nor is one that misses the held-out traces by more than no
    gap does (`shrink.heeding_held_out`).
-7. Where nothing explains a record, and a free forcing would act at the inlet, repeat all this with
-   the recorded aortic waveform in place of the assumed one (`inlet`, `own_inlet`).
+7. Where the aortic trace itself misfits, or nothing explains a record and a free forcing would act
+   at the inlet, repeat all this with the recorded aortic waveform in place of the assumed one
+   (`inlet`, `own_inlet`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -101,8 +102,7 @@ def diagnose(
     freed = np.array([b for b, d in enumerate(found) if needs_own_inlet(d)], int)
     if freed.size == 0:
         return [heeding_held_out(d) for d in found]
-    x = np.stack([np.asarray(found[b].base.x) for b in freed])
-    own, sound = inlet_freed(_rows(batch, freed), x, numbers, forms, progress)
+    own, sound = inlet_freed(_rows(batch, freed), numbers, forms, progress)
     if not np.any(sound):
         return [heeding_held_out(d) for d in found]
     again = _diagnosed(_rows(own, np.flatnonzero(sound)), effects, forms, numbers, progress)

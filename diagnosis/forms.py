@@ -27,8 +27,9 @@ P_AORTA_REGULATED = 85.0 * MMHG
 NARROWING_LAG = 0.06
 """Time constant with which a viscous wall follows the aortic pressure [s]; assumed."""
 
-SQUEEZE_DELAY = 0.08
-"""Delay of the squeeze behind the ventricular pressure at size one [s]; assumed."""
+SQUEEZE_DELAY = 0.1
+"""Delay of the squeeze behind the ventricular pressure at size one [beats]; assumed. The base model
+states the times of the ventricle in parts of the beat too."""
 
 UNDERDAMPED, DAMPED = 0.25, 0.7
 """Damping ratios of fluid-filled catheters: 0.07 to 0.7."""
@@ -65,7 +66,7 @@ def tube_narrowing(c: Circuit, size: Array) -> Circuit:
 def late_squeeze(c: Circuit, size: Array) -> Circuit:
     """Ventricular pressure on the vessels later by φ times `SQUEEZE_DELAY`."""
     k = jnp.arange(HARMONICS + 1, dtype=float)
-    turn = 2.0 * jnp.pi / c.period * k * size * SQUEEZE_DELAY
+    turn = 2.0 * jnp.pi * k * size * SQUEEZE_DELAY
     late = harmonics(c.P_LV) * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
     return c._replace(P_LV=c.P_LV + samples(late) - samples(harmonics(c.P_LV)))
 
@@ -148,7 +149,7 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("steady", "G as above, from the mean aortic pressure", collateral("G_steady")),
     ),
     "intramyocardial_pump": (
-        Form("late", "P_LV(t − φ 80 ms)", late_squeeze),
+        Form("late", "P_LV(t − φ T/10)", late_squeeze),
     ),
     "wall_viscoelasticity": (
         Form("Voigt", "C_a/(1 + iωφ)", Added("whole_wall_time")),

@@ -5,12 +5,13 @@ of the catalogue follows it, and what is left hides every other effect. The inle
 
     P_inlet = assumed + δ,    δ ~ N(δ_0, a² (GP of length ℓ)),
 
-by condition, δ_0 being the first harmonics of the recorded aortic pressure less the assumed one; of
-the amplitudes a and lengths ℓ of `forcing` the pair is taken that makes δ_0 likeliest. What δ − δ_0
-changes in the traces are modes of the record (`measured`), linearised about the base model, so that
-every fit and evidence is an integral over the inlet, and errors of the aortic catheter remain
-possible. The signals of a fit are those of δ_0; `with_inlet_mean` adds what the data tell of the
-rest.
+by condition, δ_0 being the recorded aortic pressure less the assumed one. δ is free in the first
+harmonics; of the amplitudes a and lengths ℓ of `forcing` the pair is taken that makes δ_0, with its
+noise, likeliest. Higher harmonics, those of a notch, enter δ_0 as far as they rise above the noise.
+What δ − δ_0 changes in the traces are modes of the record (`measured`), linearised about the base
+model, so that every fit and evidence is an integral over the inlet, and errors of the aortic
+catheter remain possible. The signals of a fit are those of δ_0; `with_inlet_mean` adds what the
+data tell of the rest.
 
 The ventricle's squeeze is timed by the start of the aortic pressure, which another waveform moves:
 its delay is fitted with the base model, as the form "late" of the effect `intramyocardial_pump`,
@@ -26,7 +27,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from scipy.special import logsumexp
 
 from diagnosis.circuit import FORCED, TO_SAMPLES, Circuit
@@ -54,8 +55,11 @@ EFFECT = "aortic_waveform"
 PUMP, LATE = "intramyocardial_pump", "late"
 """The effect, and its form, that is a delay of the squeeze."""
 
-DELAY_SD = 0.025
-"""Standard deviation of the squeeze's delay once it is fitted [s]; assumed."""
+DELAY_SD = 0.03
+"""Standard deviation of the squeeze's delay once it is fitted [beats]; assumed."""
+
+NOISE_KEPT_OUT = 2.0
+"""Expected noise of a harmonic beyond the modes, times this, that δ_0 is less of."""
 
 LED = 0.5
 """Share of a free forcing's evidence at the inlet from which the inlet is set free."""
@@ -100,7 +104,7 @@ def with_free_inlet(batch: Measured, x: Float[Array, "b k"], later: Float[Array,
     Args:
         batch: records with a place for it, see `with_inlet`; one with a free inlet gets a new one.
         x: optimum of the base model, standardised, by record.
-        later: what is added to the delay of the squeeze [s].
+        later: what is added to the delay of the squeeze [beats].
     """
     return jax.vmap(_free)(batch, x, later)
 
@@ -108,42 +112,64 @@ def with_free_inlet(batch: Measured, x: Float[Array, "b k"], later: Float[Array,
 def _free(measured: Measured, x: Float[Array, " k"], later: Float[Array, ""]) -> Measured:
     assert measured.modes is not None, "see with_inlet"
     assert measured.squeeze_delay is not None, "see with_inlet"
+    assert measured.inlet is not None, "see with_inlet"
     delay = measured.squeeze_delay + later
     cases = condition_settings(dataclasses.replace(measured, squeeze_delay=delay))
     own = (jnp.asarray(selection(measured.n_conditions, 2)) @ x)[:, :OWN]
     n, count = measured.n_sensors, 2 * HARMONICS + 1
 
-    def seen(case: ConditionSettings, own: Array, free: Array) -> Array:
-        """Data under a wave at the inlet and a delay in units of `DELAY_SD`."""
+    def seen(case: ConditionSettings, own: Array, fixed: Array, free: Array) -> Array:
+        """Data under waves at the inlet and a delay in units of `DELAY_SD`."""
         assert case.squeeze_delay is not None, "see with_inlet"
         case = case._replace(
-            inlet=jnp.asarray(_WAVES) @ free[:-1],
+            inlet=fixed + jnp.asarray(_WAVES) @ free[:-1],
             squeeze_delay=case.squeeze_delay + DELAY_SD * free[-1],
         )
         return observations(predict(case, own, (), jnp.zeros(0), nonlinear=False), n)
 
     zero = jnp.zeros((measured.n_conditions, _LOW.size + 1))
-    assumed = jax.vmap(seen)(cases, own, zero)
-    recorded = (weights(measured) > 0.0)[:, :count]
+    assumed = jax.vmap(seen)(cases, own, jnp.zeros(measured.inlet.shape), zero)
+    weight = weights(measured)[:, :count]
+    recorded = weight > 0.0
+    variance = jnp.where(recorded, 1.0 / jnp.where(recorded, weight, 1.0) ** 2, 0.0)
     left = jnp.where(recorded, data_of(measured)[:, :count] - assumed[:, :count], 0.0)
-    delta = left[:, _LOW]
-    table = np.array(
-        [a * smooth_scale(length, FORCING_HARMONICS) for length in LENGTHS for a in AMPLITUDES]
-    )
-    z = delta[None] / jnp.asarray(table)[:, None]
-    fit = jnp.sum(-0.5 * z**2, axis=(1, 2)) - measured.n_conditions * jnp.asarray(
-        np.sum(np.log(table), axis=1)
-    )
-    scale = jnp.append(jnp.asarray(table)[jnp.argmax(fit)], 1.0)
-    free = jnp.pad(delta, ((0, 0), (0, 1)))
-    H = jax.vmap(jax.jacfwd(seen, argnums=2))(cases, own, free)
+    scale = jnp.append(_likeliest_scale(left[:, _LOW], variance[:, _LOW], recorded[:, _LOW]), 1.0)
+    delta = _without_noise(left, variance)
+    free = jnp.pad(delta[:, _LOW], ((0, 0), (0, 1)))
+    fixed = delta.at[:, _LOW].set(0.0) @ jnp.asarray(TO_SAMPLES.T)
+    H = jax.vmap(jax.jacfwd(seen, argnums=3))(cases, own, fixed, free)
     kept = measured.modes[..., : -scale.size]
     return dataclasses.replace(
         measured,
-        inlet=delta @ jnp.asarray(_WAVES.T),
+        inlet=delta @ jnp.asarray(TO_SAMPLES.T),
         squeeze_delay=delay,
         modes=jnp.concatenate([kept, H * scale[None, None]], axis=-1),
     )
+
+
+def _likeliest_scale(
+    left: Float[Array, "c k"], variance: Float[Array, "c k"], recorded: Bool[Array, "c k"]
+) -> Float[Array, " k"]:
+    """Standard deviations of the low harmonics, of all amplitudes and lengths the likeliest."""
+    lengths = [
+        a * smooth_scale(length, FORCING_HARMONICS) for length in LENGTHS for a in AMPLITUDES
+    ]
+    table = jnp.asarray(np.array(lengths))
+
+    def fit(scale: Float[Array, " k"]) -> Float[Array, ""]:
+        total = jnp.where(recorded, scale[None] ** 2 + variance, 1.0)
+        return jnp.sum(jnp.where(recorded, -0.5 * (left**2 / total + jnp.log(total)), 0.0))
+
+    return table[jnp.argmax(jax.vmap(fit)(table))]
+
+
+def _without_noise(left: Float[Array, "c k"], variance: Float[Array, "c k"]) -> Float[Array, "c k"]:
+    """δ_0: the harmonics that are no modes less what may be noise, by all conditions together."""
+    power, noise = jnp.sum(left**2, axis=0), jnp.sum(variance, axis=0)
+    other = np.r_[0, HARMONICS + 1 : 2 * HARMONICS + 1, 1 : HARMONICS + 1]
+    power, noise = power + power[other], noise + noise[other]  # cosine and sine
+    signal = jnp.maximum(1.0 - NOISE_KEPT_OUT * noise / jnp.where(power > 0.0, power, 1.0), 0.0)
+    return left * signal.at[_LOW].set(1.0)[None]
 
 
 def with_inlet_mean(measured: Measured, waves: Float[Array, "c 3 n"]) -> Float[Array, "c 3 n"]:

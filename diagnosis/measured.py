@@ -74,7 +74,8 @@ class Measured(eqx.Module):
             without any.
         inlet: added to the assumed aortic pressure at the samples [dyn/cm²], see `inlet`; None
             without any.
-        squeeze_delay: of the ventricular pressure behind its assumed time [s]; None with `inlet`.
+        squeeze_delay: of the ventricular pressure behind its assumed time [beats]; None with
+            `inlet`.
     """
 
     period: Float[Array, "*b c"]

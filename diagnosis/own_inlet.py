@@ -6,13 +6,15 @@ gives the base model, and the single effects with the assumed waveform, which al
 
 from collections.abc import Mapping
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.special import logsumexp
+from scipy.stats import chi2
 
 from diagnosis.circuit import FORCED
 from diagnosis.effects import Effect, find_effect
-from diagnosis.engine import ProgressCallback, base_fits
+from diagnosis.engine import ProgressCallback, base_fits, base_start
 from diagnosis.forms import SQUEEZE_DELAY
 from diagnosis.hypothesis import Catalogue, Fitted
 from diagnosis.inlet import (
@@ -26,27 +28,45 @@ from diagnosis.inlet import (
     with_inlet,
     with_inlet_mean,
 )
-from diagnosis.measured import Measured
+from diagnosis.measured import Measured, weights
+from diagnosis.resolution import HARMONICS
 from diagnosis.result import Diagnosis
-from diagnosis.verdict import Hypothesis, Judgement, cover_of, key_of
+from diagnosis.verdict import CLOSED_P, Hypothesis, Judgement, cover_of, key_of
 from lumped.units import MMHG
 
 INLET_PASSES = 2
-"""Fits of the base model about which a free inlet is linearised."""
+"""Fits of the base model about which a free inlet is linearised. The first starts from the priors'
+means: with the assumed waveform the base model goes far from them."""
+
+DELAYS = (0.0, 0.08)
+"""Delays of the squeeze from which they start [beats]: a fit does not cross the fall of the
+ventricular pressure. Where the foot of a wave is round, its start of ejection is found early."""
 
 
 def needs_own_inlet(diagnosis: Diagnosis) -> bool:
-    """Whether nothing known explains a record, and what acts would act at its inlet."""
+    """Whether the recorded aortic pressure has another waveform than what was found explains.
+
+    Either the aortic trace itself misfits, or nothing known explains the record and what acts would
+    act at its inlet.
+    """
     known = any(effect.id == EFFECT for effect in diagnosis.effects)
-    recorded = diagnosis.record.n_sensors > 0
+    if not known or diagnosis.record.n_sensors == 0:
+        return False
     unexplained = diagnosis.judgement.verdict == "unknown"
     forced = diagnosis.forcing, diagnosis.accompanied
-    return known and recorded and unexplained and leads(*forced)
+    return aortic_trace_misfits(diagnosis) or (unexplained and leads(*forced))
+
+
+def aortic_trace_misfits(diagnosis: Diagnosis) -> bool:
+    """Whether the aortic traces are unlikely under the best hypothesis, by χ²."""
+    count = 2 * HARMONICS + 1
+    seen = np.asarray(weights(diagnosis.record))[:, :count] > 0.0
+    residual = np.asarray(diagnosis.best.residual)[:, :count]
+    return float(chi2.sf(np.sum(residual[seen] ** 2), np.count_nonzero(seen))) < CLOSED_P
 
 
 def inlet_freed(
     batch: Measured,
-    x: np.ndarray,
     numbers: Catalogue,
     forms: tuple[Effect, ...],
     progress: ProgressCallback,
@@ -55,7 +75,6 @@ def inlet_freed(
 
     Args:
         batch: the records.
-        x: optimum of the base model, standardised, by record.
         numbers: of the forms.
         forms: every form of every effect.
         progress: called after each block of jobs.
@@ -63,17 +82,42 @@ def inlet_freed(
     Returns:
         The records, and whether the base model could be fitted to each.
     """
+    batch, B = with_inlet(batch), batch.period.shape[0]
+    best, least = batch, np.full(B, np.inf)
+    for delay in DELAYS:
+        own, cost = _freed_from(delay, batch, numbers, forms, progress)
+        better = cost < least
+        best = jax.tree.map(
+            lambda new, old, better=better: jnp.where(
+                better.reshape(-1, *[1] * (new.ndim - 1)), new, old
+            ),
+            own,
+            best,
+        )
+        least = np.where(better, cost, least)
+    return best, np.isfinite(least)
+
+
+def _freed_from(
+    delay: float,
+    batch: Measured,
+    numbers: Catalogue,
+    forms: tuple[Effect, ...],
+    progress: ProgressCallback,
+) -> tuple[Measured, np.ndarray]:
+    """Records with a free inlet from one delay of the squeeze on, and the cost of the fits."""
     late = [k for k, form in enumerate(forms) if (form.id, form.form) == (PUMP, LATE)]
-    later, sound = np.zeros(x.shape[0]), np.ones(x.shape[0], bool)
-    batch = with_inlet(batch)
+    x = base_start(batch)
+    later, cost = np.full(x.shape[0], delay), np.zeros(x.shape[0])
     for _ in range(INLET_PASSES):
         batch = with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later))
         fitted = base_fits(batch, x, numbers, forms, progress, *late)
-        sound = sound & np.asarray(fitted.sound)
+        cost = np.where(fitted.sound & np.isfinite(cost), fitted.cost, np.inf)
         x = np.concatenate([np.asarray(fitted.x)[:, :-2], np.zeros((x.shape[0], 2))], axis=1)
+        later = np.zeros_like(cost)
         if late:
             later = SQUEEZE_DELAY * np.asarray(fitted.sizes)[:, late[0]]
-    return with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later)), sound
+    return with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later)), cost
 
 
 def with_own_inlet(assumed: Diagnosis, own: Diagnosis) -> Diagnosis:

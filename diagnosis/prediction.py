@@ -82,7 +82,7 @@ class ConditionSettings(NamedTuple):
         K, L: quadratic loss and inertance that are known with R0 [dyn·s²/cm⁸, dyn·s²/cm⁵], or
             None.
         inlet: added to the aortic pressure at the samples [dyn/cm²], or None.
-        squeeze_delay: of the ventricular pressure [s], or None.
+        squeeze_delay: of the ventricular pressure [beats], or None.
     """
 
     period: Float[Array, "*c"]
@@ -160,7 +160,7 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
     narrower = jnp.exp(case.R0_sd_log * own[0])
     P_inlet = AorticPressure(P_systolic, P_diastolic, case.period)(t)
     late = zero if case.squeeze_delay is None else case.squeeze_delay
-    P_LV = VentricularPressure(P_systolic, case.period)(t - late)
+    P_LV = VentricularPressure(P_systolic, case.period)(t - late * case.period)
     return Circuit(
         period=case.period,
         stress=case.stress,

@@ -46,6 +46,10 @@ of ANSI/AAMI BP22 beside offset and gain; its share is assumed. On sixty records
 by which it was chosen, the named effects are right in 19 of 23 with it and in 12 of 20 without; on
 32 that nobody had seen in 7 of 13 and 6 of 14."""
 
+TRANSDUCER_WHITE = 0.0
+"""Share of its variance that is white: none. What nonlinearity and hysteresis leave follows the
+pressure, and half of it as white noise would hide a notch or an oscillation."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Folding:
@@ -307,7 +311,7 @@ def _folded(
         )
         power[c, present] = found.power
         if noise.origin == "estimated":
-            shared = np.asarray(noise_power(TRANSDUCER_SD, count[c, present[0]], WHITE_SHARE))
+            shared = np.asarray(noise_power(TRANSDUCER_SD, count[c, present[0]], TRANSDUCER_WHITE))
             power[c, [s for s in present if SENSORS[s] != "Q"]] += shared
         modes[c, present, :, : found.modes.shape[-1]] = found.modes
     # scalars are not used where traces are

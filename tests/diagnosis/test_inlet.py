@@ -17,6 +17,7 @@ from diagnosis.inlet import (
 )
 from diagnosis.measured import whitener_of
 from diagnosis.prediction import OWN, base_circuit, condition_settings
+from diagnosis.resolution import HARMONICS
 from diagnosis.shrink import held_out_gap
 from lumped import MMHG
 from tests.diagnosis.records import synthetic
@@ -51,6 +52,29 @@ def test_modes_hold_what_the_inlet_does_to_both_traces():
     alone = np.linalg.norm(np.asarray(plain(jnp.asarray(flat))), axis=1)
     # free to vary by itself, a tenth more of it is worth next to nothing
     assert np.all(seen < 0.15 * alone)
+
+
+def test_the_width_of_a_free_inlet_follows_how_far_it_is_from_the_assumed_one():
+    """OTHER has 5 mmHg in harmonic two and 3 in harmonic three."""
+    aortic = slice(0, 2 * HARMONICS + 1)
+    widths = []
+    for inlet in (0.1 * OTHER, OTHER):
+        modes = np.asarray(freed(synthetic({}, seed=4, inlet=inlet)).modes)[0]
+        columns = modes[:, aortic, -INLET - 1 : -1]
+        assert np.all(np.isfinite(columns))
+        widths.append(np.linalg.norm(columns[0, :, 2]) / MMHG)
+    assert 0.1 < widths[0] < 0.5 < widths[1] < 5.0
+
+
+def test_a_free_inlet_holds_a_notch_too_sharp_for_its_modes_and_less_noise_than_the_trace():
+    k = FORCING_HARMONICS + 4
+    notch = 2.0 * MMHG * np.cos(2.0 * np.pi * k * (PHASE - 0.3))
+    record = synthetic({}, seed=4, inlet=notch)
+    found = np.asarray(freed(record).inlet)[0] @ FROM_SAMPLES.T
+    np.testing.assert_allclose(found[:, k], (notch @ FROM_SAMPLES.T)[k], rtol=0.2)
+    noise = np.arange(FORCING_HARMONICS + 6, HARMONICS - 10)
+    recorded = np.asarray(measured(record).waves)[:, 0] @ FROM_SAMPLES.T
+    assert np.linalg.norm(found[:, noise]) < 0.5 * np.linalg.norm(recorded[:, noise])
 
 
 def test_signals_of_a_free_inlet_follow_what_it_explains_and_nothing_else():
@@ -111,7 +135,7 @@ def test_a_forcing_leads_at_the_inlet_alone_or_beside():
 
 @pytest.mark.slow
 def test_effect_behind_another_aortic_waveform_is_named_with_its_size():
-    sizes = ({"quadratic_loss": 6.0}, {"vasodilation": 0.6}, {})
+    sizes = ({"quadratic_loss": 6.0}, {"vasodilation": 0.6}, {"signal_delay": 0.02}, {})
     records = [synthetic(s, seed=k, inlet=OTHER) for k, s in enumerate(sizes)]
     for diagnosis, truth in zip(
         diagnose(stacked([measured(r) for r in records])), sizes, strict=True

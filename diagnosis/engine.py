@@ -228,11 +228,10 @@ def base_fits(
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     progress: ProgressCallback,
-    beside: int = -1,
 ) -> Fitted:
-    """Fits of the base model, by record; `beside` is the position of an effect that acts too."""
+    """Fits of the base model, by record."""
     B = batch.period.shape[0]
     return run_fits(
-        batch, range(B), [(beside, -1)] * B, start, numbers, effects,
+        batch, range(B), [(-1, -1)] * B, start, numbers, effects,
         step="fitting the base model", progress=progress,
     )  # fmt: skip

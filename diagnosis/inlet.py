@@ -14,8 +14,8 @@ catheter remain possible. The signals of a fit are those of δ_0; `with_inlet_me
 data tell of the rest.
 
 The ventricle's squeeze is timed by the start of the aortic pressure, which another waveform moves:
-its delay is fitted with the base model, as the form "late" of the effect `intramyocardial_pump`,
-and remains uncertain by `DELAY_SD`, one more mode.
+its delay is an unknown of the base model (`prediction`), and that of each condition differs by
+`DELAY_SD`, one more mode.
 
 The result names the effect `aortic_waveform`, in the form "recorded", beside all that is found.
 """
@@ -38,6 +38,8 @@ from diagnosis.forms import SQUEEZE_DELAY, late_squeeze
 from diagnosis.measured import Measured, data_of, weights
 from diagnosis.prediction import (
     OWN,
+    SHARED,
+    SQUEEZE_SD,
     ConditionSettings,
     condition_settings,
     data_of_waves,
@@ -52,14 +54,14 @@ from lumped.units import MMHG
 EFFECT = "aortic_waveform"
 """The effect of the catalogue that a free inlet is a form of."""
 
-PUMP, LATE = "intramyocardial_pump", "late"
-"""The effect, and its form, that is a delay of the squeeze."""
-
-DELAY_SD = 0.03
-"""Standard deviation of the squeeze's delay once it is fitted [beats]; assumed."""
+DELAY_SD = 0.015
+"""Standard deviation of the squeeze's delay between conditions [beats]; assumed."""
 
 NOISE_KEPT_OUT = 2.0
 """Expected noise of a harmonic beyond the modes, times this, that δ_0 is less of."""
+
+SQUEEZE = SHARED.index("squeeze")
+"""Position of the delay of the squeeze among the unknowns."""
 
 LED = 0.5
 """Share of a free forcing's evidence at the inlet from which the inlet is set free."""
@@ -98,24 +100,24 @@ def leads(alone: np.ndarray, beside: Mapping[Any, np.ndarray]) -> bool:
 
 
 @jax.jit
-def with_free_inlet(batch: Measured, x: Float[Array, "b k"], later: Float[Array, " b"]) -> Measured:
+def with_free_inlet(batch: Measured, x: Float[Array, "b k"]) -> Measured:
     """Records whose inlet is free about the recorded aortic pressure.
 
     Args:
         batch: records with a place for it, see `with_inlet`; one with a free inlet gets a new one.
-        x: optimum of the base model, standardised, by record.
-        later: what is added to the delay of the squeeze [beats].
+        x: optimum of the base model, standardised, by record. Its delay of the squeeze is added to
+            that of the record.
     """
-    return jax.vmap(_free)(batch, x, later)
+    return jax.vmap(_free)(batch, x)
 
 
-def _free(measured: Measured, x: Float[Array, " k"], later: Float[Array, ""]) -> Measured:
+def _free(measured: Measured, x: Float[Array, " k"]) -> Measured:
     assert measured.modes is not None, "see with_inlet"
     assert measured.squeeze_delay is not None, "see with_inlet"
     assert measured.inlet is not None, "see with_inlet"
-    delay = measured.squeeze_delay + later
+    delay = measured.squeeze_delay + SQUEEZE_SD * x[SQUEEZE]
     cases = condition_settings(dataclasses.replace(measured, squeeze_delay=delay))
-    own = (jnp.asarray(selection(measured.n_conditions, 2)) @ x)[:, :OWN]
+    own = (jnp.asarray(selection(measured.n_conditions, 2)) @ x.at[SQUEEZE].set(0.0))[:, :OWN]
     n, count = measured.n_sensors, 2 * HARMONICS + 1
 
     def seen(case: ConditionSettings, own: Array, fixed: Array, free: Array) -> Array:

@@ -15,12 +15,10 @@ from scipy.stats import chi2
 from diagnosis.circuit import FORCED
 from diagnosis.effects import Effect, find_effect
 from diagnosis.engine import ProgressCallback, base_fits, base_start
-from diagnosis.forms import SQUEEZE_DELAY
 from diagnosis.hypothesis import Catalogue, Fitted
 from diagnosis.inlet import (
     EFFECT,
-    LATE,
-    PUMP,
+    SQUEEZE,
     inlet_rms,
     leads,
     recorded_waveform,
@@ -29,6 +27,7 @@ from diagnosis.inlet import (
     with_inlet_mean,
 )
 from diagnosis.measured import Measured, weights
+from diagnosis.prediction import SQUEEZE_SD
 from diagnosis.resolution import HARMONICS
 from diagnosis.result import Diagnosis
 from diagnosis.verdict import CLOSED_P, Hypothesis, Judgement, cover_of, key_of
@@ -106,18 +105,15 @@ def _freed_from(
     progress: ProgressCallback,
 ) -> tuple[Measured, np.ndarray]:
     """Records with a free inlet from one delay of the squeeze on, and the cost of the fits."""
-    late = [k for k, form in enumerate(forms) if (form.id, form.form) == (PUMP, LATE)]
-    x = base_start(batch)
-    later, cost = np.full(x.shape[0], delay), np.zeros(x.shape[0])
+    x, cost = base_start(batch), np.zeros(batch.period.shape[0])
+    x[:, SQUEEZE] = delay / SQUEEZE_SD
     for _ in range(INLET_PASSES):
-        batch = with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later))
-        fitted = base_fits(batch, x, numbers, forms, progress, *late)
+        batch = with_free_inlet(batch, jnp.asarray(x))
+        x[:, SQUEEZE] = 0.0
+        fitted = base_fits(batch, x, numbers, forms, progress)
         cost = np.where(fitted.sound & np.isfinite(cost), fitted.cost, np.inf)
-        x = np.concatenate([np.asarray(fitted.x)[:, :-2], np.zeros((x.shape[0], 2))], axis=1)
-        later = np.zeros_like(cost)
-        if late:
-            later = SQUEEZE_DELAY * np.asarray(fitted.sizes)[:, late[0]]
-    return with_free_inlet(batch, jnp.asarray(x), jnp.asarray(later)), cost
+        x = np.array(fitted.x)
+    return with_free_inlet(batch, jnp.asarray(x)), cost
 
 
 def with_own_inlet(assumed: Diagnosis, own: Diagnosis) -> Diagnosis:

@@ -5,15 +5,17 @@ The base model is the surrogate of Puelz et al. 2024 at its nominal values with 
 
     R0, K_known = prior exp(sd x_0),  α = 0.25 exp(x_1),  C_a, C_im, C0 = nominal exp(0.4 x_2..4),
     intramyocardial pressure = P_LV (1 + 0.07 x_5),  bypass conductance = 0.15 x_6/(R_2 + R_3),
+    start of the squeeze = its delay + 0.05 T x_7 where a record has one, else as assumed,
     P_systolic, P_diastolic of each condition = recorded + P_sd x.
 
 The peak of P_LV is the systolic pressure of the condition. The fraction of it transmitted to the
 intramyocardial vessels, and the flow bypassing the muscle, are unmeasured; the latter is negative
 if one compartment underestimates the flow through the muscle. Both stand for beds of several layers
 and branches: without x_5 six of ten such records gave a false alarm, with it none of 24; x_6
-removes three of the remaining five wrong names in 120 records. A condition depends on eleven
-numbers only (seven shared ones, its two pressures, two effect sizes); derivatives are taken with
-respect to those.
+removes three of the remaining five wrong names in 120 records. Where the aortic waveform is not the
+assumed one (`inlet`), its start no longer tells when the ventricle contracts: x_7. A condition
+depends on twelve numbers only (eight shared ones, its two pressures, two effect sizes); derivatives
+are taken with respect to those.
 """
 
 from collections.abc import Sequence
@@ -58,10 +60,14 @@ falls from the endocardium to nearly zero at the epicardium: Hoffman & Spaan 199
 BYPASS_SD = 0.15
 """Standard deviation of the bypass conductance relative to 1/(R_2 + R_3); assumed."""
 
+SQUEEZE_SD = 0.05
+"""Standard deviation of the delay of the ventricular pressure where the aortic waveform is not the
+assumed one [beats]; assumed."""
+
 P_SD = 2.0 * MMHG
 """Standard deviation of a recorded systolic or diastolic pressure [dyn/cm²]."""
 
-SHARED = ("R0", "alpha", "C_a", "C_im", "C0", "transmission", "bypass")
+SHARED = ("R0", "alpha", "C_a", "C_im", "C0", "transmission", "bypass", "squeeze")
 """Unknowns that all conditions share, in the order of x."""
 
 OWN = len(SHARED) + 2
@@ -127,7 +133,7 @@ def selection(n_conditions: int, n_more: int) -> np.ndarray:
         n_more: further unknowns that all conditions share.
 
     Returns:
-        Array C × (9 + n_more) × (7 + 2C + n_more).
+        Array C × (10 + n_more) × (8 + 2C + n_more).
     """
     shared = len(SHARED)
     total = shared + 2 * n_conditions
@@ -139,7 +145,7 @@ def selection(n_conditions: int, n_more: int) -> np.ndarray:
     return chosen
 
 
-def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
+def base_circuit(case: ConditionSettings, own: Float[Array, " 10"]) -> Circuit:
     """The circuit of one condition without any effect.
 
     Args:
@@ -148,8 +154,8 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
     """
     alpha = ALPHA_PRIOR * jnp.exp(ALPHA_SD_LOG * own[1])
     loose = jnp.exp(COMPLIANCE_SD_LOG * own[2:5])
-    P_systolic = case.P_systolic + case.P_sd * own[7]
-    P_diastolic = case.P_diastolic + case.P_sd * own[8]
+    P_systolic = case.P_systolic + case.P_sd * own[8]
+    P_diastolic = case.P_diastolic + case.P_sd * own[9]
     rule = stress_rule(PRINTED)
 
     def bed(name: str, factor: Array) -> Array:
@@ -159,7 +165,7 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
     zero = jnp.zeros(())
     narrower = jnp.exp(case.R0_sd_log * own[0])
     P_inlet = AorticPressure(P_systolic, P_diastolic, case.period)(t)
-    late = zero if case.squeeze_delay is None else case.squeeze_delay
+    late = zero if case.squeeze_delay is None else case.squeeze_delay + SQUEEZE_SD * own[7]
     P_LV = VentricularPressure(P_systolic, case.period)(t - late * case.period)
     return Circuit(
         period=case.period,
@@ -204,7 +210,7 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 9"]) -> Circuit:
 
 def predict(
     case: ConditionSettings,
-    own: Float[Array, " 9"],
+    own: Float[Array, " 10"],
     effects: Sequence[Effect],
     sizes: Float[Array, " e"],
     *,

@@ -39,12 +39,12 @@ PRESSURE_SD, FLOW_RELATIVE_SD, FFR_SD = 1.0 * MMHG, 0.05, 0.01
 """Noise of a pressure [dyn/cm²], a flow and a ratio where the record neither states it nor has
 beats to estimate it from."""
 
-TRANSDUCER_SD = 0.3 * MMHG
+TRANSDUCER_SD = 0.2 * MMHG
 """Error of a pressure that every beat shares, so that its scatter does not show [dyn/cm²]: what
 nonlinearity, hysteresis and the response of the line leave of the error band of ±1 mmHg and ±1 %
 of ANSI/AAMI BP22 beside offset and gain; its share is assumed. On sixty records of another hand,
-by which it was chosen, the named effects are right in 19 of 23 with it and in 12 of 20 without; on
-32 that nobody had seen in 7 of 13 and 6 of 14."""
+by which it was chosen (as 0.3 mmHg, half of it white), the named effects are right in 19 of 23 with
+it and in 12 of 20 without; on 32 that nobody had seen in 7 of 13 and 6 of 14."""
 
 TRANSDUCER_WHITE = 0.0
 """Share of its variance that is white: none. What nonlinearity and hysteresis leave follows the

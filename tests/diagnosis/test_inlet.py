@@ -8,6 +8,7 @@ from diagnosis.circuit import FROM_SAMPLES, PHASE, TO_SAMPLES
 from diagnosis.engine import base_start
 from diagnosis.forcing import FORCING_HARMONICS
 from diagnosis.inlet import (
+    SQUEEZE,
     inlet_rms,
     leads,
     recorded_waveform,
@@ -16,7 +17,7 @@ from diagnosis.inlet import (
     with_inlet_mean,
 )
 from diagnosis.measured import whitener_of
-from diagnosis.prediction import OWN, base_circuit, condition_settings
+from diagnosis.prediction import OWN, SQUEEZE_SD, base_circuit, condition_settings
 from diagnosis.resolution import HARMONICS
 from diagnosis.shrink import held_out_gap
 from lumped import MMHG
@@ -30,7 +31,9 @@ OTHER = 5.0 * MMHG * (np.sin(4.0 * np.pi * PHASE + 0.4) + 0.6 * np.cos(6.0 * np.
 
 def freed(record, later=0.0):
     batch = with_inlet(stacked([measured(record)]))
-    return with_free_inlet(batch, jnp.asarray(base_start(batch)), jnp.full(1, later))
+    x = base_start(batch)
+    x[:, SQUEEZE] = later / SQUEEZE_SD
+    return with_free_inlet(batch, jnp.asarray(x))
 
 
 def test_free_inlet_is_the_recorded_less_the_assumed_pressure():

@@ -18,7 +18,7 @@ from lumped import MMHG, Fourier, PressureSource, Vessel, connect, solve_periodi
 from tests.diagnosis.records import settings
 
 DOBUTAMINE = 2
-OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.6, 0.7, 0.5, -0.4]))
+OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.6, 0.7, 0.0, 0.5, -0.4]))
 AT_BOUNDARY = [e.id for e in CATALOGUE if e.place not in ("ostium", "sensor")]
 SENSED = [e.id for e in CATALOGUE if e.place == "sensor"]
 

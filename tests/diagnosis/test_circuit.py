@@ -23,7 +23,7 @@ from tests.diagnosis.records import settings
 
 FORMS = all_forms(CATALOGUE)
 ADENOSINE = 1
-OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.6, 0.7, 0.5, -0.4]))
+OWN = jnp.asarray(np.array([0.3, -0.2, 0.4, -0.3, 0.2, 0.6, 0.7, 0.0, 0.5, -0.4]))
 ONE_WAY = OWN.at[6].set(0.0)  # no flow past the muscle: the paper's bed
 
 
@@ -171,3 +171,13 @@ def test_a_user_adds_an_effect_in_ten_lines():
     more = observations(predict(case(), OWN, (leak,), jnp.ones(1) * 1.5e-6), 2)
     less = observations(predict(case(), OWN, (leak,), jnp.zeros(1)), 2)
     assert float(more[-3]) > float(less[-3])  # the distal mean rises
+
+
+def test_the_squeeze_is_late_by_its_unknown_where_the_record_has_a_delay():
+    late = OWN.at[7].set(2.0)
+    plain = base_circuit(case(), OWN)
+    np.testing.assert_array_equal(base_circuit(case(), late).P_LV, plain.P_LV)
+    freed = case()._replace(squeeze_delay=jnp.asarray(0.025))
+    np.testing.assert_allclose(
+        base_circuit(freed, late).P_LV, jnp.roll(plain.P_LV, PHASE.size // 8), atol=1e-6 * MMHG
+    )

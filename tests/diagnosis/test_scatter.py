@@ -49,9 +49,10 @@ def test_an_error_that_all_beats_share_is_part_of_the_noise(monkeypatch):
     monkeypatch.setattr("diagnosis.record.TRANSDUCER_SD", 0.0)
     without = np.asarray(measured(record).wave_power)[:, :2]
     added = np.where(np.isfinite(power), power, 0.0) - np.where(np.isfinite(power), without, 0.0)
-    # half of its variance is white, of which a harmonic of 97 samples a second holds a part
-    total = np.sqrt(added[..., 0] + 2.0 * added[..., 1:].sum(axis=-1))
-    assert np.all((total > 0.2 * MMHG) & (total < 0.31 * MMHG))
+    variance = added[..., 0] + 2.0 * added[..., 1:].sum(axis=-1)
+    np.testing.assert_allclose(np.sqrt(variance), 0.2 * MMHG, rtol=0.01)
+    # it follows the pressure: next to nothing beyond the fifteenth harmonic
+    assert np.all(2.0 * added[..., 16:].sum(axis=-1) < 0.01 * variance)
 
 
 @pytest.mark.usefixtures("exact_transducers")

@@ -19,7 +19,7 @@ from benchmarks.blind.score import (
 )
 from benchmarks.blind.sensors import seen
 from diagnosis import CATALOGUE, diagnose, measured, stacked
-from diagnosis.prediction import as_waves, condition_settings, predict
+from diagnosis.prediction import OWN, as_waves, condition_settings, predict
 from lumped import MMHG
 from study.case.record import read_record
 from study.case.template import EXAMPLE_FILE, RECORD_FILE, example_traces, record_template
@@ -94,7 +94,7 @@ def predicted_changes():
     @jax.jit
     def waves(size):
         def one(case):
-            return as_waves(predict(case, jnp.zeros(9), CATALOGUE, size))
+            return as_waves(predict(case, jnp.zeros(OWN), CATALOGUE, size))
 
         return jax.vmap(one)(cases)
 

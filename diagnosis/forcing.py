@@ -65,6 +65,11 @@ PASSES = 2
 """Linearisations: about the optimum without a forcing, then about the mean with it."""
 
 
+def forcing_scales() -> list[Float[np.ndarray, " m"]]:
+    """Prior standard deviations of a forcing's coefficients, by length and amplitude."""
+    return [a * smooth_scale(length, FORCING_HARMONICS) for length in LENGTHS for a in AMPLITUDES]
+
+
 def forcing_evidence(
     measured: Measured,
     effects: Sequence[Effect],
@@ -149,9 +154,12 @@ def forcing_mixture(
     columns = jnp.concatenate([form, F, J, e[..., None]], axis=-1)
     products = jnp.einsum("cdm,cdl->cml", columns, columns)
     products, form_volume = jax.vmap(lambda one: absorbed(one, form.shape[-1]))(products)
-    scales = [a * smooth_scale(length, FORCING_HARMONICS) for length in LENGTHS for a in AMPLITUDES]
     ones = np.ones(k + 1)
-    table = [(s, np.concatenate([scale, ones])) for s in CONDITION_CORRELATIONS for scale in scales]
+    table = [
+        (s, np.concatenate([scale, ones]))
+        for s in CONDITION_CORRELATIONS
+        for scale in forcing_scales()
+    ]
     alike, weight = (jnp.asarray(np.array(column)) for column in zip(*table, strict=True))
 
     def one(s: Array, weight: Array) -> tuple[Array, Array]:

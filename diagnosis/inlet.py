@@ -32,8 +32,7 @@ from scipy.special import logsumexp
 
 from diagnosis.circuit import FORCED, TO_SAMPLES, Circuit
 from diagnosis.effects import Effect
-from diagnosis.evidence import smooth_scale
-from diagnosis.forcing import AMPLITUDES, FORCING_HARMONICS, LENGTHS
+from diagnosis.forcing import FORCING_HARMONICS, forcing_scales
 from diagnosis.forms import SQUEEZE_DELAY, late_squeeze
 from diagnosis.measured import Measured, data_of, weights
 from diagnosis.prediction import (
@@ -153,10 +152,7 @@ def _likeliest_scale(
     left: Float[Array, "c k"], variance: Float[Array, "c k"], recorded: Bool[Array, "c k"]
 ) -> Float[Array, " k"]:
     """Standard deviations of the low harmonics, of all amplitudes and lengths the likeliest."""
-    lengths = [
-        a * smooth_scale(length, FORCING_HARMONICS) for length in LENGTHS for a in AMPLITUDES
-    ]
-    table = jnp.asarray(np.array(lengths))
+    table = jnp.asarray(np.array(forcing_scales()))
 
     def fit(scale: Float[Array, " k"]) -> Float[Array, ""]:
         total = jnp.where(recorded, scale[None] ** 2 + variance, 1.0)
@@ -208,7 +204,7 @@ def inlet_rms(measured: Measured) -> float:
     return float(np.sqrt(np.mean(np.asarray(measured.inlet) ** 2)))
 
 
-def recorded_waveform(effect: Effect, measured: Measured) -> Effect:
+def recorded_waveform(effect: Effect, measured: Measured, x_squeeze: float = 0.0) -> Effect:
     """The effect of an aortic waveform that is another one, in the form "recorded".
 
     Its size is the rms of δ_0 over all conditions [mmHg]; the delay of the squeeze goes with it.
@@ -216,11 +212,12 @@ def recorded_waveform(effect: Effect, measured: Measured) -> Effect:
     Args:
         effect: the first form.
         measured: one record with a free inlet.
+        x_squeeze: what a fit adds to its delay of the squeeze, standardised.
     """
     assert measured.squeeze_delay is not None, "see with_inlet"
     rms = inlet_rms(measured) / MMHG
     wave, order = np.asarray(measured.inlet) / rms, np.asarray(measured.order)
-    late = float(measured.squeeze_delay) / SQUEEZE_DELAY / rms
+    late = (float(measured.squeeze_delay) + SQUEEZE_SD * x_squeeze) / SQUEEZE_DELAY / rms
 
     def change(circuit: Circuit, size: Float[Array, ""]) -> Circuit:
         here = jnp.argmin(jnp.abs(jnp.asarray(order) - circuit.order))

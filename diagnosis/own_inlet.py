@@ -123,7 +123,7 @@ def with_own_inlet(assumed: Diagnosis, own: Diagnosis) -> Diagnosis:
         assumed: with the assumed waveform.
         own: with the recorded one.
     """
-    form = recorded_waveform(find_effect(own.effects, EFFECT), own.record)
+    effect = find_effect(own.effects, EFFECT)
     at = [effect.id for effect in own.effects].index(EFFECT)
     size = inlet_rms(own.record) / MMHG
     sd = float(np.nanmin(np.asarray(own.record.wave_offset_sd)[:, 0])) / MMHG
@@ -144,6 +144,7 @@ def with_own_inlet(assumed: Diagnosis, own: Diagnosis) -> Diagnosis:
     for h, fitted in own.fits.items():
         if EFFECT not in h:
             fits[_beside(h)] = placed(fitted, len(h))
+            form = recorded_waveform(effect, own.record, float(fitted.x[SQUEEZE]))
             acting[_beside(h)] = (*own.acting[h], form)
             log_B[_beside(h)] = alone + own.log_B[h]
     probabilities = dict.fromkeys((key_of(h) for h in [*assumed.fits, *fits]), 0.0)
@@ -151,7 +152,7 @@ def with_own_inlet(assumed: Diagnosis, own: Diagnosis) -> Diagnosis:
         h = _beside(() if name == "none" else tuple(name.split("+")))
         key = "unknown" if name == "unknown" else key_of(h)
         probabilities[key] = probabilities.get(key, 0.0) + p
-    forms = {**own.forms, EFFECT: {form.form: 1.0}}
+    forms = {**own.forms, EFFECT: {"recorded": 1.0}}
     return own._replace(
         record=assumed.record,
         judgement=_judged(own.judgement, probabilities),

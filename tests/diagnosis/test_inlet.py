@@ -113,9 +113,9 @@ def test_a_place_for_the_inlet_changes_nothing():
 def test_the_form_recorded_gives_the_circuit_of_the_free_inlet():
     batch = freed(synthetic({}, seed=4, inlet=OTHER), later=0.02)
     record = jax.tree.map(lambda leaf: leaf[0], batch)
-    effect = recorded_waveform(find_effect(CATALOGUE, "aortic_waveform"), record, -0.3)
+    effect = recorded_waveform(find_effect(CATALOGUE, "aortic_waveform"), record, 0.4)
     size = jnp.asarray(inlet_rms(record) / MMHG)
-    own, cases = jnp.zeros(OWN).at[SQUEEZE].set(-0.3), condition_settings(record)
+    own, cases = jnp.zeros(OWN).at[SQUEEZE].set(0.4), condition_settings(record)
     for c in range(4):
         case = jax.tree.map(lambda leaf, c=c: leaf[c], cases)
         free = base_circuit(case, own)

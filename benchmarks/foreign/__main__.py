@@ -3,6 +3,12 @@
     python -m benchmarks.foreign make OUT --generator NAME --records N --seed S
     python -m benchmarks.foreign answer OUT            diagnoses it: OUT/answers-diagnosis.json
     python -m benchmarks.foreign score OUT ... --method NAME
+    python -m benchmarks.foreign compare OUT ... --methods NAME ...
+
+Baselines answer from the base model's fit alone; two of them learn from own simulations:
+
+    python -m benchmarks.foreign train FOLDER --records N --seed S
+    python -m benchmarks.foreign answer OUT --method regime | boosted | amortised --training FOLDER
 
 Another method enters by writing OUT/answers-NAME.json, see `benchmarks.foreign.answers`.
 """
@@ -18,7 +24,8 @@ import numpy as np
 
 from benchmarks.foreign import GENERATORS, ForeignRecord
 from benchmarks.foreign.answers import answer
-from benchmarks.foreign.score import joined, misses, table
+from benchmarks.foreign.baselines import METHODS, answer_with, train_methods
+from benchmarks.foreign.score import comparison, joined, misses, table
 from lumped.whole_files import write_whole
 
 
@@ -63,12 +70,7 @@ def _save(path: pathlib.Path, record: ForeignRecord) -> None:
     np.savez_compressed(path, **found)
 
 
-def main() -> int:
-    """Write a set as the command line asks for it.
-
-    Returns:
-        0; 2 where the request was refused.
-    """
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.foreign",
         description=__doc__,
@@ -80,19 +82,43 @@ def main() -> int:
     action.add_argument("--generator", choices=GENERATORS, required=True)
     action.add_argument("--records", type=int, default=150)
     action.add_argument("--seed", type=int, default=1)
-    action = actions.add_parser("answer", help="diagnose a set")
+    action = actions.add_parser("answer", help="diagnose a set, or answer it by a baseline")
     action.add_argument("out", type=pathlib.Path)
     action.add_argument("--records", type=int)
+    action.add_argument("--method", choices=("diagnosis", *METHODS), default="diagnosis")
+    action.add_argument("--training", type=pathlib.Path, help="what `train` has written")
+    action = actions.add_parser("train", help="simulate what baselines learn from")
+    action.add_argument("out", type=pathlib.Path)
+    action.add_argument("--records", type=int, default=1000)
+    action.add_argument("--seed", type=int, default=1)
     action = actions.add_parser("score", help="score answers against the labels")
     action.add_argument("out", type=pathlib.Path, nargs="+")
     action.add_argument("--method", default="diagnosis")
     action.add_argument("--misses", action="store_true", help="list every wrong answer")
-    options = parser.parse_args()
+    action = actions.add_parser("compare", help="score several methods, one column each")
+    action.add_argument("out", type=pathlib.Path, nargs="+")
+    action.add_argument("--methods", nargs="+", default=["diagnosis", "bic", "scan"])
+    return parser
+
+
+def main() -> int:
+    """Do what the command line asks for.
+
+    Returns:
+        0; 2 where the request was refused.
+    """
+    options = _parser().parse_args()
     try:
         if options.action == "make":
             make(options.out, options.generator, options.records, options.seed)
-        elif options.action == "answer":
+        elif options.action == "train":
+            train_methods(options.out, options.records, options.seed)
+        elif options.action == "compare":
+            print(comparison(options.out, options.methods))
+        elif options.action == "answer" and options.method == "diagnosis":
             answer(options.out, options.records)
+        elif options.action == "answer":
+            answer_with(options.out, options.method, options.records, options.training)
         else:
             print(table(options.out, options.method))
             for folder in options.out if options.misses else ():

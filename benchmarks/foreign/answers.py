@@ -16,18 +16,14 @@ import pathlib
 import sys
 from typing import Any
 
-import jax
 import numpy as np
 
-from benchmarks.blind.diagnoses import records_in
-from diagnosis import Diagnosis, diagnose, measured, stacked
+from benchmarks.foreign.plain import in_batches
+from diagnosis import Diagnosis, diagnose
 from diagnosis.shrink import held_out_gap
 from lumped import MMHG
 from lumped.whole_files import write_whole
 from study.store.cache_folder import use_cache
-
-BATCH = 16
-"""Records diagnosed together, after which the answers so far are written."""
 
 Answers = dict[str, dict[str, Any]]
 
@@ -42,30 +38,29 @@ def answer(folder: pathlib.Path, records: int | None = None) -> None:
         records: only so many of them.
     """
     use_cache()
-    found = {name: _earlier(folder, name) for name in ("diagnosis", "bic", "scan")}
+    found = {name: earlier(folder, name) for name in ("diagnosis", "bic", "scan")}
     places = sorted((folder / "records").iterdir())[:records]
     left = [place for place in places if place.name not in found["diagnosis"]]
-    alike: dict[str, list] = {}
-    for place, record in records_in(left).items():
-        one = measured(record)
-        leaves, structure = jax.tree.flatten(one)
-        alike.setdefault(f"{structure} {[leaf.shape for leaf in leaves]}", []).append((place, one))
     done = len(places) - len(left)
-    for group in alike.values():
-        for first in range(0, len(group), BATCH):
-            part = group[first : first + BATCH]
-            for (place, _), d in zip(part, diagnose(stacked([m for _, m in part])), strict=True):
-                for name, entry in _entries(d).items():
-                    found[name][place.name] = entry
-            done += len(part)
-            for name, answers in found.items():
-                write_whole(folder / f"answers-{name}.json", json.dumps(answers, indent=0) + "\n")
-            print(f"{done} of {len(places)}", file=sys.stderr, flush=True)
+    for at, _, batch in in_batches(left):
+        for place, d in zip(at, diagnose(batch), strict=True):
+            for name, entry in _entries(d).items():
+                found[name][place.name] = entry
+        done += len(at)
+        for name, answers in found.items():
+            keep(folder, name, answers)
+        print(f"{done} of {len(places)}", file=sys.stderr, flush=True)
 
 
-def _earlier(folder: pathlib.Path, name: str) -> Answers:
+def earlier(folder: pathlib.Path, name: str) -> Answers:
+    """The answers of a method that a set holds already."""
     file = folder / f"answers-{name}.json"
     return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+
+
+def keep(folder: pathlib.Path, name: str, answers: Answers) -> None:
+    """Write the answers of a method beside the labels of a set."""
+    write_whole(folder / f"answers-{name}.json", json.dumps(answers, indent=0) + "\n")
 
 
 def _entries(d: Diagnosis) -> dict[str, dict[str, Any]]:

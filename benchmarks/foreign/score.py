@@ -168,8 +168,32 @@ def table(folders: list[pathlib.Path], name: str) -> str:
     sets = {folder.name: joined(folder, name) for folder in folders}
     if len(sets) > 1:
         sets["all"] = [row for rows in sets.values() for row in rows]
-    figures = {label: score(rows) for label, rows in sets.items()}
-    lines = [f"| {name} | " + " | ".join(figures) + " |", "|---" * (len(figures) + 1) + "|"]
+    return _markdown(name, sets)
+
+
+def comparison(folders: list[pathlib.Path], names: list[str]) -> str:
+    """Figures of several methods over all sets together, as a Markdown table.
+
+    Only records that all of them have answered count.
+
+    Args:
+        folders: sets.
+        names: of the methods, one column each.
+    """
+    columns: dict[str, list[Row]] = {name: [] for name in names}
+    for folder in folders:
+        found = {name: joined(folder, name) for name in columns}
+        common = set.intersection(*({row["record"] for row in rows} for rows in found.values()))
+        for name, rows in found.items():
+            columns[name] += [row for row in rows if row["record"] in common]
+    (count,) = {len(rows) for rows in columns.values()}
+    return _markdown(f"{count} records", columns)
+
+
+def _markdown(head: str, columns: dict[str, list[Row]]) -> str:
+    """A table with one line a figure and one column a group of answers."""
+    figures = {label: score(rows) for label, rows in columns.items()}
+    lines = [f"| {head} | " + " | ".join(figures) + " |", "|---" * (len(figures) + 1) + "|"]
     for key in next(iter(figures.values())):
         lines.append(f"| {key} | " + " | ".join(f[key] for f in figures.values()) + " |")
     return "\n".join(lines)

@@ -71,38 +71,46 @@ def loss(
     return -jnp.mean(own[0] + jnp.where(sized, normal, 0.0))
 
 
-@eqx.filter_jit
-def _pass(network, moments, count, rows, key, data):
-    """One pass over the simulations, in steps of rows, by Adam."""
+class _State(eqx.Module):
+    """State of the training: a network, running means of its slopes and their squares, steps."""
 
-    def step(carry, at):
-        network, (first, second), count, key = carry
-        key, own = jax.random.split(key)
+    network: PosteriorNetwork
+    first: eqx.nn.MLP
+    second: eqx.nn.MLP
+    count: Float[Array, ""]
+    key: Array
+
+
+@eqx.filter_jit
+def _pass(state: _State, rows: Int[Array, "s b"], data: tuple[Array, Array, Array]) -> _State:
+    """One pass over the simulations, in steps of rows, by Adam."""
+    arrays, static = eqx.partition(state, eqx.is_array)
+
+    def step(arrays: _State, at: Array) -> tuple[_State, None]:
+        now = eqx.combine(arrays, static)
+        key, own = jax.random.split(now.key)
         features, cause, size = (leaf[at] for leaf in data)
         noise = NOISE * jax.random.normal(own, features.shape)
-        slopes = eqx.filter_grad(lambda layers: loss(
-            eqx.tree_at(lambda n: n.layers, network, layers), features, cause, size, noise
-        ))(network.layers)  # fmt: skip
-        weights, fixed = eqx.partition(network.layers, eqx.is_inexact_array)
-        count = count + 1.0
-        first = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, first, slopes)
-        second = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g**2, second, slopes)
 
-        def moved(w, m, v):
+        def of_layers(layers: eqx.nn.MLP) -> Array:
+            network = eqx.tree_at(lambda n: n.layers, now.network, layers)
+            return loss(network, features, cause, size, noise)
+
+        slopes = eqx.filter_grad(of_layers)(now.network.layers)
+        weights, fixed = eqx.partition(now.network.layers, eqx.is_inexact_array)
+        count = now.count + 1.0
+        first = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, now.first, slopes)
+        second = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g**2, now.second, slopes)
+
+        def moved(w: Array, m: Array, v: Array) -> Array:
             unit = m / (1.0 - 0.9**count) / (jnp.sqrt(v / (1.0 - 0.999**count)) + 1e-8)
             return w - RATE * (unit + DECAY * w)
 
-        weights = jax.tree.map(moved, weights, first, second)
-        network = eqx.tree_at(lambda n: n.layers, network, eqx.combine(weights, fixed))
-        return (network, (first, second), count, key), None
+        layers = eqx.combine(jax.tree.map(moved, weights, first, second), fixed)
+        network = eqx.tree_at(lambda n: n.layers, now.network, layers)
+        return eqx.filter(_State(network, first, second, count, key), eqx.is_array), None
 
-    arrays, static = eqx.partition((network, moments, count, key), eqx.is_array)
-
-    def wrapped(arrays, at):
-        carry, _ = step(eqx.combine(arrays, static), at)
-        return eqx.filter(carry, eqx.is_array), None
-
-    arrays, _ = jax.lax.scan(wrapped, arrays, rows)
+    arrays, _ = jax.lax.scan(step, arrays, rows)
     return eqx.combine(arrays, static)
 
 
@@ -135,20 +143,20 @@ def trained(
     network = eqx.tree_at(
         lambda n: (n.centre, n.scale), network, (jnp.asarray(centre), jnp.asarray(spread))
     )
-    data = tuple(jnp.asarray(leaf) for leaf in (features, cause, size))
+    data = jnp.asarray(features), jnp.asarray(cause), jnp.asarray(size)
     zero = jax.tree.map(jnp.zeros_like, eqx.filter(network.layers, eqx.is_inexact_array))
-    state = (network, (zero, zero), jnp.zeros(()), jax.random.key(seed + 1))
+    state = _State(network, zero, zero, jnp.zeros(()), jax.random.key(seed + 1))
     together = min(STEPS_TOGETHER, own.size)
     test = eqx.filter_jit(loss)
-    unseen = tuple(leaf[held] for leaf in data)
+    unseen = data[0][held], data[1][held], data[2][held]
     best, least, since = network, np.inf, 0
     for _ in range(passes):
         mixed = rng.permutation(own)[: own.size // together * together]
-        state = _pass(*state[:3], jnp.asarray(mixed.reshape(-1, together)), state[3], data)
-        now = float(test(state[0], *unseen, jnp.zeros_like(unseen[0])))
+        state = _pass(state, jnp.asarray(mixed.reshape(-1, together)), data)
+        now = float(test(state.network, *unseen, jnp.zeros_like(unseen[0])))
         since += 1
         if now < least:
-            best, least, since = state[0], now, 0
+            best, least, since = state.network, now, 0
         if since > PATIENCE:
             break
     return best

@@ -9,6 +9,7 @@ scikit-learn; temperature: Guo et al. 2017 (ICML, PMLR 70:1321).
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -52,15 +53,17 @@ def _grown(features: np.ndarray, cause: np.ndarray, rounds: int, seed: int) -> P
             "'jaxfsi[benchmark]'"
         ) from error
 
+    settings: dict[str, Any] = {"early_stopping": False}
     trees = HistGradientBoostingClassifier(
         max_iter=rounds, learning_rate=0.08, max_leaf_nodes=8, min_samples_leaf=5,
-        l2_regularization=1.0, max_features=0.3, early_stopping=False, random_state=seed,
+        l2_regularization=1.0, max_features=0.3, random_state=seed, **settings,
     )  # fmt: skip
     trees.fit(features, cause)
+    known = np.unique(cause)
 
     def probabilities(features: np.ndarray) -> np.ndarray:
         found = np.full((features.shape[0], len(CLASSES)), LEAST)
-        found[:, trees.classes_] = np.maximum(trees.predict_proba(features), LEAST)
+        found[:, known] = np.maximum(trees.predict_proba(features), LEAST)
         return found / found.sum(axis=1, keepdims=True)
 
     return probabilities

@@ -65,13 +65,18 @@ def residual_features(
         waves: signals of the sensors by the fit [dyn/cm², cm³/s].
     """
     shown = np.asarray(data_of_waves(jnp.asarray(waves), record.n_sensors))
-    seen = np.asarray(weights(record)) > 0.0
+    seen = measured_data(record)
     left = np.where(seen, np.asarray(data_of(record)) - shown, 0.0) / MMHG
     size = len(TRACES) * _COUNT
     traces = left[:, :size].reshape(-1, len(TRACES), _COUNT) @ TO_SAMPLES.T
     means = traces.reshape(*traces.shape[:2], WINDOWS, SAMPLES // WINDOWS).mean(axis=-1)
-    recorded = seen[:, :size].reshape(-1, len(TRACES), _COUNT).any(axis=-1)
+    recorded = seen[:, :size].reshape(-1, len(TRACES), _COUNT).max(axis=-1)
     return np.arcsinh(_by_kind(record, means, recorded) / RESIDUAL_MMHG).ravel()
+
+
+def measured_data(record: Measured) -> Bool[np.ndarray, "c d"]:
+    """Which data a record holds, those left out apart."""
+    return np.asarray(np.asarray(weights(record)) > 0.0)
 
 
 def misfit_features(
@@ -83,7 +88,7 @@ def misfit_features(
         record: the record.
         residual: whitened.
     """
-    seen = np.asarray(weights(record)) > 0.0
+    seen = measured_data(record)
     size = len(TRACES) * _COUNT
     square, count = (
         own[:, :size].reshape(-1, len(TRACES), _COUNT).sum(axis=-1) for own in (residual**2, seen)

@@ -91,7 +91,7 @@ def added(
         A: what is tested.
     """
     left = y - Q @ (Q.T @ y)
-    basis = orthonormal(A - Q @ (Q.T @ A), np.linalg.norm(A, axis=0))
+    basis = orthonormal(A, Q)
     q, freedom = basis.shape[1], y.size - Q.shape[1] - basis.shape[1]
     if q == 0 or freedom <= 0:
         return Added(basis, left, max(freedom, 0), 1.0)
@@ -102,18 +102,19 @@ def added(
 
 
 def orthonormal(
-    A: Float[np.ndarray, "n q"], length: Float[np.ndarray, " q"] | None = None
+    A: Float[np.ndarray, "n q"], beside: Float[np.ndarray, "n k"] | None = None
 ) -> Float[np.ndarray, "n r"]:
-    """Orthonormal basis of columns; what is tiny against their lengths is left out.
+    """Orthonormal basis of columns, or of their part beyond others; what is tiny is left out.
 
     Args:
         A: columns.
-        length: of each; by default its own.
+        beside: the others, orthonormal.
     """
-    length = np.linalg.norm(A, axis=0) if length is None else length
     if A.shape[1] == 0:
         return A
-    U, s, _ = np.linalg.svd(A / np.where(length > 0.0, length, 1.0), full_matrices=False)
+    length = np.linalg.norm(A, axis=0)
+    beyond = A if beside is None else A - beside @ (beside.T @ A)
+    U, s, _ = np.linalg.svd(beyond / np.where(length == 0.0, 1.0, length), full_matrices=False)
     return U[:, s > 1e-7]
 
 

@@ -164,11 +164,14 @@ def fake_fit(record, rng, names):
     seen = np.asarray(weights(record)) > 0.0
     e = rng.standard_normal((C, d)) * seen
     J, G = rng.standard_normal((C, d, k)), rng.standard_normal((C, d, F))
+    one, blank_sizes = jnp.zeros(()), jnp.zeros(F)
     fitted = Fitted(
-        x=np.zeros(k + 2), log_evidence=0.0, chi2=0.0, misfit=0.0, cost=0.0, residual=e,
-        sizes=np.zeros(F), size_sd=np.zeros(2), waves=shown(C), sound=True,
+        x=jnp.zeros(k + 2), log_evidence=one, chi2=one, misfit=one, cost=one,
+        residual=jnp.asarray(e), sizes=blank_sizes, size_sd=jnp.zeros(2),
+        waves=jnp.asarray(shown(C)), sound=jnp.asarray(True),
     )  # fmt: skip
-    scan = Scan(np.zeros(F), np.zeros(F), np.zeros(F), np.zeros((F, F)))
+    scan = Scan(blank_sizes, blank_sizes, blank_sizes, jnp.zeros((F, F)))
+    e, J, G = (jnp.asarray(own) for own in (e, J, G))
     return PlainFit(names, record, fitted, Linearised(Whitened(e, J), G), scan)
 
 
@@ -267,9 +270,9 @@ def test_trees_learn_and_temperature_softens_what_is_too_sure():
 
 def test_causes_come_in_their_shares():
     causes = draw_causes(np.random.default_rng(9), 2000)
-    shares = {kind: np.mean([c is None for c in causes]) for kind in ("none",)}
+    none = np.mean([c is None for c in causes])
     outside = np.mean([c in training.OUTSIDE for c in causes])
-    assert shares["none"] == pytest.approx(training.SHARES["none"], abs=0.03)
+    assert none == pytest.approx(training.SHARES["none"], abs=0.03)
     assert outside == pytest.approx(training.SHARES["outside"], abs=0.03)
     assert len(set(causes)) == 1 + len(training.RANGES) + len(training.OUTSIDE)
 

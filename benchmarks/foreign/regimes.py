@@ -64,7 +64,7 @@ class Regime(NamedTuple):
     columns: Float[np.ndarray, "n q"]
 
 
-class Added(NamedTuple):
+class AddedColumns(NamedTuple):
     """What columns explain beyond others.
 
     Attributes:
@@ -82,7 +82,7 @@ class Added(NamedTuple):
 
 def added(
     y: Float[np.ndarray, " n"], Q: Float[np.ndarray, "n k"], A: Float[np.ndarray, "n q"]
-) -> Added:
+) -> AddedColumns:
     """The F test of columns A beside columns Q.
 
     Args:
@@ -94,11 +94,11 @@ def added(
     basis = orthonormal(A, Q)
     q, freedom = basis.shape[1], y.size - Q.shape[1] - basis.shape[1]
     if q == 0 or freedom <= 0:
-        return Added(basis, left, max(freedom, 0), 1.0)
+        return AddedColumns(basis, left, max(freedom, 0), 1.0)
     explained = float(np.sum((basis.T @ left) ** 2))
     rest = max(float(left @ left) - explained, np.finfo(float).tiny)
     p = float(f_distribution.sf(explained / q * freedom / rest, q, freedom))
-    return Added(basis, left, freedom, p)
+    return AddedColumns(basis, left, freedom, p)
 
 
 def orthonormal(

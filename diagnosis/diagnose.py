@@ -13,7 +13,7 @@
 6. Compare how the best hypothesis and no gap predict conditions that were left out (`predictive`);
    one that predicts worse is not named. Nor is one that misses the held-out traces by more than no
    gap does (`shrink.heeding_held_out`).
-7. Where the aortic trace itself misfits, or nothing explains a record and a free forcing would act
+7. Where nothing explains a record, and its aortic trace itself misfits or a free forcing would act
    at the inlet, repeat all this with the recorded aortic waveform in place of the assumed one
    (`inlet`, `own_inlet`).
 """

@@ -45,15 +45,14 @@ ventricular pressure. Where the foot of a wave is round, its start of ejection i
 def needs_own_inlet(diagnosis: Diagnosis) -> bool:
     """Whether the recorded aortic pressure has another waveform than what was found explains.
 
-    Either the aortic trace itself misfits, or nothing known explains the record and what acts would
-    act at its inlet.
+    Nothing known explains the record, and either the aortic trace itself misfits or what acts would
+    act at its inlet. Where an effect explains the record, a misfit of the aortic trace belongs to
+    the form of that effect, such as a catheter's resonance.
     """
     known = any(effect.id == EFFECT for effect in diagnosis.effects)
-    if not known or diagnosis.record.n_sensors == 0:
+    if not known or diagnosis.record.n_sensors == 0 or diagnosis.judgement.verdict != "unknown":
         return False
-    unexplained = diagnosis.judgement.verdict == "unknown"
-    forced = diagnosis.forcing, diagnosis.accompanied
-    return aortic_trace_misfits(diagnosis) or (unexplained and leads(*forced))
+    return aortic_trace_misfits(diagnosis) or leads(diagnosis.forcing, diagnosis.accompanied)
 
 
 def aortic_trace_misfits(diagnosis: Diagnosis) -> bool:

@@ -1,12 +1,15 @@
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
-from diagnosis.circuit import FROM_SAMPLES, PHASE, TO_SAMPLES
+from diagnosis.circuit import FORCED, FROM_SAMPLES, PHASE, TO_SAMPLES
 from diagnosis.engine import base_start
 from diagnosis.forcing import FORCING_HARMONICS
+from diagnosis.hypothesis import Fitted
 from diagnosis.inlet import (
     SQUEEZE,
     inlet_rms,
@@ -16,9 +19,11 @@ from diagnosis.inlet import (
     with_inlet,
     with_inlet_mean,
 )
-from diagnosis.measured import whitener_of
+from diagnosis.measured import weights, whitener_of
+from diagnosis.own_inlet import needs_own_inlet
 from diagnosis.prediction import OWN, SQUEEZE_SD, base_circuit, condition_settings
 from diagnosis.resolution import HARMONICS
+from diagnosis.result import Diagnosis
 from diagnosis.shrink import held_out_gap
 from lumped import MMHG
 from tests.diagnosis.records import synthetic
@@ -134,6 +139,35 @@ def test_a_forcing_leads_at_the_inlet_alone_or_beside():
     assert leads(there, {})
     assert leads(nowhere, {("a",): there, ("b",): nowhere})
     assert not leads(nowhere, {("a",): there, ("b",): there[::-1] + 9.0})
+
+
+@pytest.mark.parametrize(
+    ("verdict", "misfit", "wanted"),
+    [
+        ("unknown", 2.0, True),
+        ("unknown", 0.5, False),
+        ("named", 2.0, False),
+        ("no_gap", 2.0, False),
+    ],
+)
+def test_the_inlet_is_freed_where_the_aortic_trace_misfits_and_nothing_explains_it(
+    verdict, misfit, wanted
+):
+    record = measured(synthetic({}, seed=4))
+    residual = np.full(np.asarray(weights(record)).shape, np.sqrt(misfit))
+    scalar, row = np.zeros(()), np.zeros(2)
+    waves = np.zeros((record.n_conditions, 3, 4))
+    fit = Fitted(row, *[scalar] * 4, residual, row, row, waves, np.array(True))
+    fields = dict.fromkeys(Diagnosis._fields)
+    fields |= {
+        "record": record,
+        "effects": CATALOGUE,
+        "judgement": SimpleNamespace(verdict=verdict, best=()),
+        "fits": {(): fit},
+        "forcing": np.zeros((len(FORCED), 1)),
+        "accompanied": {},
+    }
+    assert needs_own_inlet(Diagnosis(**fields)) is wanted
 
 
 @pytest.mark.slow

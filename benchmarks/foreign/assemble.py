@@ -8,7 +8,7 @@ from benchmarks.foreign.clock import Acquisition, Seen, see
 from benchmarks.foreign.form import EffectForm
 from benchmarks.foreign.members import ForeignMember, Solver
 from benchmarks.foreign.patient import ForeignPatient
-from benchmarks.foreign.record import ForeignRecord, written
+from benchmarks.foreign.record import ForeignRecord, Scene, written
 from benchmarks.foreign.visibility import nuisances, stacked, visibility
 from benchmarks.foreign.waves import BeatPlan
 
@@ -88,7 +88,8 @@ def assembled(
     }
     name = f"record-{number:04d}"
     files = written(name, patient, with_, acquisition, form.stated_shift, rng)
-    return ForeignRecord(name, truth, files)
+    scene = Scene(patient, form, plans, acquisition, solver)
+    return ForeignRecord(name, truth, files, scene)
 
 
 def drawn(

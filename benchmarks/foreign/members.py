@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.foreign.circuit import solve
+from benchmarks.foreign.circuit import Physics, solve
 from benchmarks.foreign.form import EffectForm
 from benchmarks.foreign.patient import (
     ForeignCondition,
@@ -65,32 +65,55 @@ def own_solver(steps: int) -> Solver:
     def run(
         members: Sequence[ForeignMember], form: EffectForm, plans: Mapping[str, BeatPlan]
     ) -> list[ForeignRun]:
-        each = [plans[m.condition.name] for m in members]
-        found = [parameters_of(m, form) for m in members]
-        p = {name: np.array([one[name] for one in found]) for name in found[0]}
-        p["kappa"] = p["kappa"] + np.array([plan.kappa for plan in each])
-        period = np.array([m.condition.period for m in members])
-        regular = all(plan.regular for plan in each) and form.beats is None
-        lengths = np.stack([plan.lengths for plan in each], axis=1)
-        plan = BeatPlan(lengths, np.zeros(0), np.zeros(0), each[0].lead, regular, each[0].family)
-        out = solve(p, plan, _pressures(members, each, form), period, form.physics, steps)
-        end = period * lengths[plan.lead :].sum(axis=0)
-        return [
-            ForeignRun(
-                out.t[:, k], out.P_aorta[:, k], out.P_distal[:, k], out.Q[:, k], float(end[k])
-            )
-            for k in range(len(members))
-        ]
+        return solve_each(members, [form] * len(members), form.physics, plans, steps)
 
     return run
 
 
-def _pressures(members: Sequence[ForeignMember], plans: Sequence[BeatPlan], form: EffectForm):
+def solve_each(
+    members: Sequence[ForeignMember],
+    forms: Sequence[EffectForm],
+    physics: Physics,
+    plans: Mapping[str, BeatPlan],
+    steps: int,
+) -> list[ForeignRun]:
+    """Runs of members side by side, each under its own form.
+
+    Args:
+        members: runs.
+        forms: of each member, with the same constants.
+        physics: laws of all of them; a law finds the place of its form in the parameter `which`.
+        plans: beats of each condition by its name.
+        steps: steps a beat.
+    """
+    each = [plans[m.condition.name] for m in members]
+    found = [parameters_of(m, form) for m, form in zip(members, forms, strict=True)]
+    p = {name: np.array([one[name] for one in found]) for name in found[0]}
+    p["kappa"] = p["kappa"] + np.array([plan.kappa for plan in each])
+    distinct = list({id(form): form for form in forms}.values())
+    places = {id(form): k for k, form in enumerate(distinct)}
+    p["which"] = np.array([places[id(form)] for form in forms])
+    period = np.array([m.condition.period for m in members])
+    regular = all(plan.regular for plan in each) and all(form.beats is None for form in forms)
+    lengths = np.stack([plan.lengths for plan in each], axis=1)
+    plan = BeatPlan(lengths, np.zeros(0), np.zeros(0), each[0].lead, regular, each[0].family)
+    out = solve(p, plan, _pressures(members, each, forms), period, physics, steps)
+    end = period * lengths[plan.lead :].sum(axis=0)
+    return [
+        ForeignRun(out.t[:, k], out.P_aorta[:, k], out.P_distal[:, k], out.Q[:, k], float(end[k]))
+        for k in range(len(members))
+    ]
+
+
+def _pressures(
+    members: Sequence[ForeignMember], plans: Sequence[BeatPlan], forms: Sequence[EffectForm]
+):
     """The driving pressures of all members, as `circuit.solve` asks for them."""
 
     def pressures(phase: np.ndarray, beat: int) -> tuple[np.ndarray, np.ndarray]:
         columns = [
-            _beat(m, plan, form, phase, beat) for m, plan in zip(members, plans, strict=True)
+            _beat(m, plan, form, phase, beat)
+            for m, plan, form in zip(members, plans, forms, strict=True)
         ]
         P_ao, P_im = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
         return P_ao, P_im

@@ -2,7 +2,8 @@
 
 import dataclasses
 import pathlib
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,28 @@ from benchmarks.foreign.clock import (
     Seen,
     noise_like,
 )
+from benchmarks.foreign.form import EffectForm
+from benchmarks.foreign.members import Solver
 from benchmarks.foreign.patient import PRIOR_SD_LOG, STATED_SD, ForeignPatient
+from benchmarks.foreign.waves import BeatPlan
+
+
+class Scene(NamedTuple):
+    """What a record was made of.
+
+    Attributes:
+        patient: true parameters.
+        form: the effect.
+        plans: beats of each condition.
+        acquisition: how it was recorded.
+        solver: the generator's solver.
+    """
+
+    patient: ForeignPatient
+    form: EffectForm
+    plans: Mapping[str, BeatPlan]
+    acquisition: Acquisition
+    solver: Solver
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,11 +51,13 @@ class ForeignRecord:
             without the effect), and `traces`: of each condition the sample times and, with and
             without the effect, noise-free pressures [mmHg], mean flow [mL/min] and ffr.
         files: text of the files by name.
+        scene: what it was made of.
     """
 
     id: str
     truth: dict[str, Any]
     files: dict[str, str]
+    scene: Scene
 
     def write(self, folder: pathlib.Path) -> None:
         """Write `record.toml` and the traces into a folder, which is made."""

@@ -2,6 +2,7 @@
 
     python -m benchmarks.foreign make OUT --generator NAME --records N --seed S
     python -m benchmarks.foreign answer OUT            diagnoses it: OUT/answers-diagnosis.json
+    python -m benchmarks.foreign oracle OUT            answers of a method that knows the generator
     python -m benchmarks.foreign score OUT ... --method NAME
     python -m benchmarks.foreign compare OUT ... --methods NAME ...
 
@@ -25,6 +26,7 @@ import numpy as np
 from benchmarks.foreign import GENERATORS, ForeignRecord
 from benchmarks.foreign.answers import answer
 from benchmarks.foreign.baselines import METHODS, answer_with, train_methods
+from benchmarks.foreign.oracle import oracle
 from benchmarks.foreign.score import comparison, joined, misses, table
 from lumped.whole_files import write_whole
 
@@ -91,6 +93,10 @@ def _parser() -> argparse.ArgumentParser:
     action.add_argument("out", type=pathlib.Path)
     action.add_argument("--records", type=int, default=1000)
     action.add_argument("--seed", type=int, default=1)
+    action = actions.add_parser("oracle", help="answer a set by its own generator")
+    action.add_argument("out", type=pathlib.Path)
+    action.add_argument("--draws", type=int, help="nodes that each branch of an effect starts with")
+    action.add_argument("--records", type=int)
     action = actions.add_parser("score", help="score answers against the labels")
     action.add_argument("out", type=pathlib.Path, nargs="+")
     action.add_argument("--method", default="diagnosis")
@@ -119,6 +125,8 @@ def main() -> int:
             answer(options.out, options.records)
         elif options.action == "answer":
             answer_with(options.out, options.method, options.records, options.training)
+        elif options.action == "oracle":
+            oracle(options.out, options.draws, options.records)
         else:
             print(table(options.out, options.method))
             for folder in options.out if options.misses else ():

@@ -21,14 +21,17 @@ from benchmarks.foreign.effect_runs import Bench, differences, in_sensors
 from benchmarks.foreign.evidence import Found, Metric, Nodes, integrate
 from benchmarks.foreign.replay import Drawer, Leaf, leaves
 
-FAR = 12.0
+FAR = 8.0
 """A branch counts no more when its evidence falls short of the largest by so much (in its log)."""
 
 SLACK = 1.15
 """Factor by which fast nodes may underestimate what a branch explains."""
 
+MISSED, SPARE = 0.5, 4.0
+"""Share of a change that interpolation may miss, and what else the evidence may gain by nodes."""
+
 SMALL, CLOSE = 3.0, 0.5
-"""Lengths: of a change that needs no more nodes; of an error of interpolation that ends a search."""
+"""Lengths: of a change that needs no more nodes; of an error of interpolation that ends it."""
 
 ROUNDS, MOST_NODES = 8, 12
 """Rounds of added nodes; nodes a branch starts with, at most."""
@@ -62,6 +65,13 @@ class _Search:
     done: bool
 
     @property
+    def length(self) -> float:
+        """Of the change at the likeliest sizes, in standard deviations."""
+        if self.nodes is None or self.found is None:
+            return 0.0
+        return self.nodes.length(self.found.z[0])
+
+    @property
     def log_evidence(self) -> float:
         """Of the branch with its share."""
         return -np.inf if self.found is None else self.leaf.log_share + self.found.log_evidence
@@ -72,13 +82,14 @@ class _Search:
         if self.nodes is None:
             return -np.inf
         slack = 1.0 if self.precise else SLACK
-        return self.leaf.log_share + max(slack * self.nodes.most(), self.log_evidence)
+        better = self.log_evidence + SPARE + 0.5 * (MISSED * self.length) ** 2
+        return min(self.leaf.log_share + slack * self.nodes.most(), better)
 
 
 def evidences(
     b: Bench, r: np.ndarray, drawers: Mapping[str, Drawer], most: int = MOST_NODES
 ) -> dict[str, float]:
-    """log E of every truth over that of no effect.
+    """Log E of every truth over that of no effect.
 
     Args:
         b: scene and base model.
@@ -171,7 +182,7 @@ def _refine(b: Bench, r: np.ndarray, one: _Search, metric: Metric) -> None:
 
 
 def _of_course(b: Bench, r: np.ndarray, leaf: Leaf, metric: Metric) -> float:
-    """log E of the module's docstring for a course over beats."""
+    """Log E of the module's docstring for a course over beats."""
     beats = max(plan.low.size for plan in b.scene.plans.values())
     rows = len(b.scene.patient.conditions)
     forms = [leaf.form(np.zeros(1), np.tile(np.eye(beats)[k], (rows, 1))) for k in range(beats)]

@@ -37,6 +37,9 @@ LEAST_L = 5e-4
 LARGEST_STATE = 500.0
 """Pressure or flow that no circulation has [mmHg, mL/s]."""
 
+FINER = (1, 4, 16)
+"""Multiples of the steps that are tried where fewer lose the solution."""
+
 GAMMA = 1.0 - np.sqrt(0.5)
 
 _SCALES = (1.0, 100.0, 100.0, 100.0)
@@ -144,6 +147,8 @@ def solve(
     period: Array,
     physics: Physics,
     steps: int,
+    *,
+    finer: tuple[int, ...] = FINER,
 ) -> Solved:
     """Traces of the members over the beats of a plan.
 
@@ -154,15 +159,16 @@ def solve(
             members; place −1 is the mean beat.
         period: mean length of a beat, over the members [s].
         physics: laws.
-        steps: steps a beat; four times as many where those lose the solution.
+        steps: steps a beat; more where those lose the solution.
+        finer: how many times as many are tried, one after the other.
 
     Raises:
         RuntimeError: no number of steps finds a periodic state.
     """
-    for finer in (1, 4, 16):
+    for more in finer:
         with np.errstate(over="ignore", invalid="ignore"):
             try:
-                return _solved(p, plan, pressures, period, physics, finer * steps)
+                return _solved(p, plan, pressures, period, physics, more * steps)
             except (_LostError, np.linalg.LinAlgError):
                 continue
     raise RuntimeError("The circuit has no periodic state. Draw a smaller effect.")

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.foreign import zerod
 from benchmarks.foreign.circuit import Physics
-from benchmarks.foreign.clock import FLOW_SHARE, Seen, see
+from benchmarks.foreign.clock import Seen, see
 from benchmarks.foreign.form import EffectForm
 from benchmarks.foreign.members import (
     ForeignMember,
@@ -29,8 +29,8 @@ from benchmarks.foreign.record import Scene
 from benchmarks.foreign.visibility import Nuisances, nuisances, stacked
 from benchmarks.foreign.waves import BeatPlan
 
-FAST_STEPS, PRECISE_STEPS, PRECISE_NONLINEAR = 48, 160, 64
-"""Steps a beat of the own circuit."""
+STEPS = {(True, False): 48, (True, True): 160, (False, False): 96, (False, True): 96}
+"""Steps a beat of the own circuit, by whether it is linear and whether the run is precise."""
 
 NONE = EffectForm()
 
@@ -84,9 +84,7 @@ def bench(scene: Scene) -> Bench:
     return Bench(scene, conditions, unknowns, usual, origin, runs)
 
 
-def differences(
-    b: Bench, forms: Sequence[EffectForm], *, precise: bool
-) -> list[np.ndarray | None]:
+def differences(b: Bench, forms: Sequence[EffectForm], *, precise: bool) -> list[np.ndarray | None]:
     """Whitened data with each form minus those without.
 
     A shift of the stated pressures moves the centre of what is known of the patient; it enters as
@@ -121,9 +119,7 @@ def in_sensors(form: EffectForm) -> bool:
     return form.physics == Physics() and all(law is None for law in drives)
 
 
-def _runs(
-    b: Bench, forms: Sequence[EffectForm], precise: bool
-) -> list[list[ForeignRun] | None]:
+def _runs(b: Bench, forms: Sequence[EffectForm], precise: bool) -> list[list[ForeignRun] | None]:
     if in_sensors(forms[0]):
         return [b.runs] * len(forms)
     if b.blocks:
@@ -158,7 +154,6 @@ def _own(b: Bench, forms: Sequence[EffectForm], precise: bool) -> list[list[Fore
     mean = not precise and forms[0].beats is None and not all(p.regular for p in plans.values())
     if mean:
         plans = {name: _mean_beat(plan) for name, plan in plans.items()}
-    steps = PRECISE_STEPS if forms[0].physics.linear else PRECISE_NONLINEAR
     members = [
         ForeignMember(b.scene.patient, c, on)
         for on in (False, *(True for _ in forms))
@@ -168,12 +163,10 @@ def _own(b: Bench, forms: Sequence[EffectForm], precise: bool) -> list[list[Fore
     each = [form for form in (forms[0], *forms) for _ in range(n)]
     # without an effect the number of the form is the first one's
     physics = _joint(forms)
-    runs = solve_each(members, each, physics, plans, steps if precise else FAST_STEPS)
+    finer = (1,) if len(forms) > 1 else (1, 4)
+    runs = solve_each(members, each, physics, plans, STEPS[physics.linear, precise], finer=finer)
     return [
-        [
-            _laid(b.runs[k], runs[k], runs[n * (j + 1) + k], b, k, mean)
-            for k in range(n)
-        ]
+        [_laid(b.runs[k], runs[k], runs[n * (j + 1) + k], b, k, mean) for k in range(n)]
         for j in range(len(forms))
     ]
 

@@ -12,8 +12,8 @@ standard deviations (`visibility.Nuisances`) and G = I + J Jᵀ,
 between them, d(z) = Σ_k w_k(z) d_k, so that all samples of the integral come from the Gram matrix
 of the nodes. The weights are those of a Gaussian process (ibid., eq. 2.25) whose kernel is a
 polynomial of second degree in Φ(z) and, for numbers uniform in a logarithm, in the number, plus a
-small smooth rest. The integral is adaptive importance sampling with a deterministic mixture (Cornuet
-et al. 2012, Scand J Stat 39:798). A strong effect's likelihood is 1/λ wide: nodes are added where
+small smooth rest. The integral is adaptive importance sampling with a deterministic mixture
+(Cornuet et al. 2012, Scand J Stat 39:798). A strong effect's likelihood is 1/λ wide: nodes are added where
 the samples are until interpolation is right there (`oracle`).
 """
 
@@ -65,7 +65,7 @@ class Metric:
         return a.T @ b - (J.T @ a).T @ cho_solve(self.factor, J.T @ b)
 
     def log_density(self, r: np.ndarray) -> float:
-        """log N(r; 0, G)."""
+        """Log N(r; 0, G)."""
         log_det = 2.0 * float(np.log(np.diag(self.factor[0])).sum())
         return -0.5 * (float(self.product(r, r)) + log_det + r.size * float(np.log(2.0 * np.pi)))
 
@@ -109,21 +109,19 @@ class Nodes:
     ranges: Ranges
 
     @staticmethod
-    def of(
-        z: np.ndarray, d: np.ndarray, r: np.ndarray, metric: Metric, ranges: Ranges
-    ) -> "Nodes":
+    def of(z: np.ndarray, d: np.ndarray, r: np.ndarray, metric: Metric, ranges: Ranges) -> "Nodes":
         """Nodes of differences."""
         return Nodes(z, d, metric.product(d, d), metric.product(d, r), ranges)
 
     def weights(self, z: np.ndarray) -> np.ndarray:
-        """w of the module's docstring, shape (points, nodes)."""
+        """W of the module's docstring, shape (points, nodes)."""
         own, asked = features(self.z, self.ranges), features(z, self.ranges)
         K = _kernel(own, own)
         K[np.diag_indices_from(K)] += JITTER * np.trace(K)
         return np.linalg.solve(K, _kernel(own, asked)).T
 
     def gain(self, z: np.ndarray) -> np.ndarray:
-        """log N(r; d, G) − log N(r; 0, G) at points."""
+        """Log N(r; d, G) − log N(r; 0, G) at points."""
         w = self.weights(z)
         return w @ self.along - 0.5 * np.einsum("pk,kl,pl->p", w, self.gram, w)
 
@@ -156,7 +154,7 @@ class Found(NamedTuple):
 
 
 def integrate(gain, count: int, seed: int = 0) -> Found:
-    """log E by adaptive importance sampling.
+    """Log E by adaptive importance sampling.
 
     Args:
         gain: (points) → log-likelihood over that without an effect.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.foreign.circuit import Physics, solve
+from benchmarks.foreign.circuit import FINER, Physics, solve
 from benchmarks.foreign.form import EffectForm
 from benchmarks.foreign.patient import (
     ForeignCondition,
@@ -76,6 +76,8 @@ def solve_each(
     physics: Physics,
     plans: Mapping[str, BeatPlan],
     steps: int,
+    *,
+    finer: tuple[int, ...] = FINER,
 ) -> list[ForeignRun]:
     """Runs of members side by side, each under its own form.
 
@@ -85,6 +87,7 @@ def solve_each(
         physics: laws of all of them; a law finds the place of its form in the parameter `which`.
         plans: beats of each condition by its name.
         steps: steps a beat.
+        finer: multiples of them that are tried where fewer lose the solution.
     """
     each = [plans[m.condition.name] for m in members]
     found = [parameters_of(m, form) for m, form in zip(members, forms, strict=True)]
@@ -97,7 +100,7 @@ def solve_each(
     regular = all(plan.regular for plan in each) and all(form.beats is None for form in forms)
     lengths = np.stack([plan.lengths for plan in each], axis=1)
     plan = BeatPlan(lengths, np.zeros(0), np.zeros(0), each[0].lead, regular, each[0].family)
-    out = solve(p, plan, _pressures(members, each, forms), period, physics, steps)
+    out = solve(p, plan, _pressures(members, each, forms), period, physics, steps, finer=finer)
     end = period * lengths[plan.lead :].sum(axis=0)
     return [
         ForeignRun(out.t[:, k], out.P_aorta[:, k], out.P_distal[:, k], out.Q[:, k], float(end[k]))

@@ -128,7 +128,7 @@ def answered(
 
 
 def residual(b: Bench, files: Mapping[str, str]) -> np.ndarray:
-    """Whitened data of a record minus the base model's at the centre of what is known, y − f − J u₀.
+    """Whitened data minus the base model's at the centre of what is known, y − f − J u₀.
 
     Args:
         b: scene and base model.

@@ -29,7 +29,7 @@ LONGEST = 16
 """Longer arrays of normal numbers are a course over beats, see `Leaf.course`."""
 
 
-class _Branch(Exception):  # noqa: N818 - an event of the enumeration, not an error
+class _Branch(Exception):
     """A choice that the branch at hand does not make yet."""
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.blind.score import expected_calibration_error, wilson
+from benchmarks.foreign.regret import gap_closed, log_regret
 
 HELD = {"outside:distal_gain": "sensor_gain", "outside:damped_distal": "distal_damping"}
 """Kinds outside the generators' list that the catalogue of effects holds."""
@@ -166,9 +167,11 @@ def misses(rows: list[Row]) -> list[str]:
 def table(folders: list[pathlib.Path], name: str) -> str:
     """Figures of a method over sets, apart and together, as a Markdown table."""
     sets = {folder.name: joined(folder, name) for folder in folders}
+    oracles = {folder.name: against_oracle(folder, sets[folder.name]) for folder in folders}
     if len(sets) > 1:
         sets["all"] = [row for rows in sets.values() for row in rows]
-    return _markdown(name, sets)
+        oracles["all"] = [pair for pairs in oracles.values() for pair in pairs]
+    return _markdown(name, sets, oracles)
 
 
 def comparison(folders: list[pathlib.Path], names: list[str]) -> str:
@@ -181,19 +184,59 @@ def comparison(folders: list[pathlib.Path], names: list[str]) -> str:
         names: of the methods, one column each.
     """
     columns: dict[str, list[Row]] = {name: [] for name in names}
+    oracles: dict[str, list[tuple[Row, Row]]] = {name: [] for name in names}
     for folder in folders:
         found = {name: joined(folder, name) for name in columns}
         common = set.intersection(*({row["record"] for row in rows} for rows in found.values()))
         for name, rows in found.items():
-            columns[name] += [row for row in rows if row["record"] in common]
+            own = [row for row in rows if row["record"] in common]
+            columns[name] += own
+            oracles[name] += against_oracle(folder, own)
     (count,) = {len(rows) for rows in columns.values()}
-    return _markdown(f"{count} records", columns)
+    return _markdown(f"{count} records", columns, oracles)
 
 
-def _markdown(head: str, columns: dict[str, list[Row]]) -> str:
-    """A table with one line a figure and one column a group of answers."""
+def _markdown(
+    head: str, columns: dict[str, list[Row]], oracles: dict[str, list[tuple[Row, Row]]]
+) -> str:
+    """A table with one line a figure and one column a group of answers.
+
+    Args:
+        head: of the first column.
+        columns: answers.
+        oracles: those of which the oracle's are known, with these; without any, no regret is shown.
+    """
     figures = {label: score(rows) for label, rows in columns.items()}
+    if any(oracles.values()):
+        figures = {label: {**f, **regret(oracles[label])} for label, f in figures.items()}
     lines = [f"| {head} | " + " | ".join(figures) + " |", "|---" * (len(figures) + 1) + "|"]
     for key in next(iter(figures.values())):
         lines.append(f"| {key} | " + " | ".join(f[key] for f in figures.values()) + " |")
     return "\n".join(lines)
+
+
+def against_oracle(folder: pathlib.Path, rows: list[Row]) -> list[tuple[Row, Row]]:
+    """Rows of a method beside the oracle's, of records that both answered; empty without it."""
+    if not (folder / "answers-oracle.json").is_file():
+        return []
+    best = {row["record"]: row for row in joined(folder, "oracle")}
+    return [(row, best[row["record"]]) for row in rows if row["record"] in best]
+
+
+def regret(pairs: list[tuple[Row, Row]]) -> dict[str, str]:
+    """Figures of a method beside the oracle, see `benchmarks.foreign.regret`."""
+    seen = [
+        pair
+        for pair in pairs
+        if pair[0]["lambda"] >= VISIBLE
+        and pair[0]["truth"] != "none"
+        and not pair[0]["truth"].startswith("outside")
+    ]
+    own, best = (sum(ranked_first(p[k]) == p[k]["truth"] for p in seen) for k in (0, 1))
+    closed = gap_closed(pairs)
+    mean = "{:.2f} [{:.2f}, {:.2f}]".format(*log_regret(pairs)) if pairs else "-"
+    return {
+        "log-score regret, 90 %": mean,
+        f"first, λ ≥ {VISIBLE:g}: method, oracle": f"{own}, {best} of {len(seen)}",
+        "held-out gap closed over the oracle's": "-" if closed is None else f"{closed:.2f}",
+    }

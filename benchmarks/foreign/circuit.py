@@ -163,19 +163,30 @@ def solve(
         finer: how many times as many are tried, one after the other.
 
     Raises:
-        RuntimeError: no number of steps finds a periodic state.
+        LostError: no number of steps finds a periodic state.
     """
+    lost = np.ones(period.size, bool)
     for more in finer:
         with np.errstate(over="ignore", invalid="ignore"):
             try:
                 return _solved(p, plan, pressures, period, physics, more * steps)
-            except (_LostError, np.linalg.LinAlgError):
+            except LostError as error:
+                lost = error.members
+            except np.linalg.LinAlgError:
                 continue
-    raise RuntimeError("The circuit has no periodic state. Draw a smaller effect.")
+    raise LostError(lost)
 
 
-class _LostError(Exception):
-    """States that no circulation has."""
+class LostError(RuntimeError):
+    """States that no circulation has.
+
+    Attributes:
+        members: which of the members have them.
+    """
+
+    def __init__(self, members: Array):
+        super().__init__("The circuit has no periodic state. Draw a smaller effect.")
+        self.members = members
 
 
 def _solved(p: P, plan: BeatPlan, pressures, period: Array, physics: Physics, steps: int) -> Solved:
@@ -204,8 +215,9 @@ def _solved(p: P, plan: BeatPlan, pressures, period: Array, physics: Physics, st
 
 
 def _check(x: Array) -> None:
-    if not (np.all(np.isfinite(x)) and np.abs(x).max() < LARGEST_STATE):
-        raise _LostError
+    kept = (np.isfinite(x) & (np.abs(x) < LARGEST_STATE)).reshape(-1, x.shape[-1]).all(axis=0)
+    if not kept.all():
+        raise LostError(~kept)
 
 
 def _forcing(pressures, beat: int, length, period: Array, steps: int):

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from benchmarks.foreign import zerod
-from benchmarks.foreign.circuit import Physics
+from benchmarks.foreign.circuit import LostError, Physics
 from benchmarks.foreign.clock import Seen, see
 from benchmarks.foreign.form import EffectForm
 from benchmarks.foreign.members import (
@@ -29,8 +29,11 @@ from benchmarks.foreign.record import Scene
 from benchmarks.foreign.visibility import Nuisances, nuisances, stacked
 from benchmarks.foreign.waves import BeatPlan
 
-STEPS = {(True, False): 48, (True, True): 160, (False, False): 96, (False, True): 96}
+STEPS = {(True, False): 48, (True, True): 160, (False, False): 48, (False, True): 96}
 """Steps a beat of the own circuit, by whether it is linear and whether the run is precise."""
+
+FINER = (4,)
+"""Times as many steps where all forms are lost."""
 
 NONE = EffectForm()
 
@@ -119,17 +122,24 @@ def in_sensors(form: EffectForm) -> bool:
     return form.physics == Physics() and all(law is None for law in drives)
 
 
-def _runs(b: Bench, forms: Sequence[EffectForm], precise: bool) -> list[list[ForeignRun] | None]:
+def _runs(
+    b: Bench, forms: Sequence[EffectForm], precise: bool, finer: tuple[int, ...] = (1,)
+) -> list[list[ForeignRun] | None]:
+    """Runs of each form; forms whose states are lost are left out, or all are run again finer."""
     if in_sensors(forms[0]):
         return [b.runs] * len(forms)
     if b.blocks:
         return [_blocks(b, form) for form in forms]
     try:
-        return list(_own(b, forms, precise))
-    except RuntimeError:
-        if len(forms) == 1:
-            return [None]
-        return [one for form in forms for one in _runs(b, [form], precise)]
+        return list(_own(b, forms, precise, finer))
+    except LostError as error:
+        n = len(b.conditions)
+        lost = error.members.reshape(-1, n)[1:].any(axis=1)
+        kept = [form for form, gone in zip(forms, lost, strict=True) if not gone]
+        if kept and len(kept) < len(forms):
+            alike = iter(_runs(b, kept, precise, finer))
+            return [None if gone else next(alike) for gone in lost]
+        return [None] * len(forms) if finer == FINER else _runs(b, forms, precise, FINER)
 
 
 def _blocks(b: Bench, form: EffectForm) -> list[ForeignRun] | None:
@@ -148,7 +158,9 @@ def _blocks(b: Bench, form: EffectForm) -> list[ForeignRun] | None:
     return found
 
 
-def _own(b: Bench, forms: Sequence[EffectForm], precise: bool) -> list[list[ForeignRun]]:
+def _own(
+    b: Bench, forms: Sequence[EffectForm], precise: bool, finer: tuple[int, ...]
+) -> list[list[ForeignRun]]:
     """Base runs plus what forms change in runs side by side."""
     plans = {c.name: b.scene.plans[c.name] for c in b.conditions}
     mean = not precise and forms[0].beats is None and not all(p.regular for p in plans.values())
@@ -163,7 +175,6 @@ def _own(b: Bench, forms: Sequence[EffectForm], precise: bool) -> list[list[Fore
     each = [form for form in (forms[0], *forms) for _ in range(n)]
     # without an effect the number of the form is the first one's
     physics = _joint(forms)
-    finer = (1,) if len(forms) > 1 else (1, 4)
     runs = solve_each(members, each, physics, plans, STEPS[physics.linear, precise], finer=finer)
     return [
         [_laid(b.runs[k], runs[k], runs[n * (j + 1) + k], b, k, mean) for k in range(n)]

@@ -12,9 +12,9 @@ standard deviations (`visibility.Nuisances`) and G = I + J Jᵀ,
 between them, d(z) = Σ_k w_k(z) d_k, so that all samples of the integral come from the Gram matrix
 of the nodes. The weights are those of a Gaussian process (ibid., eq. 2.25) whose kernel is a
 polynomial of second degree in Φ(z) and, for numbers uniform in a logarithm, in the number, plus a
-small smooth rest. The integral is adaptive importance sampling with a deterministic mixture
-(Cornuet et al. 2012, Scand J Stat 39:798). A strong effect's likelihood is 1/λ wide: nodes are added where
-the samples are until interpolation is right there (`oracle`).
+small smooth rest. The integral is adaptive importance sampling
+(Cornuet et al. 2012, Scand J Stat 39:798). A strong effect's likelihood is 1/λ wide: nodes are
+added where the samples are until interpolation is right there (`branches`).
 """
 
 import dataclasses

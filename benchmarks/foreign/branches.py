@@ -133,7 +133,7 @@ def _start(b: Bench, r: np.ndarray, leaf: Leaf, metric: Metric, most: int) -> _S
         z = ndtri(LINE if cheap or not b.blocks else LINE[1:])[:, None]
     else:
         count = 3 * n + 4 if cheap else min(n + 2 if b.blocks else 2 * n + 3, most)
-        z = ndtri(qmc.Halton(n, seed=1).random(count + 1)[1:])
+        z = ndtri(qmc.Halton(n, rng=1).random(count + 1)[1:])
     return _search(b, r, leaf, metric, *_differences(b, leaf, z, precise=False), precise=False)
 
 
@@ -163,7 +163,7 @@ def _refine(b: Bench, r: np.ndarray, one: _Search, metric: Metric) -> None:
     n = at.shape[1]
     if not one.precise and not b.blocks and not in_sensors(leaf.form(at[0])):
         reach = WIDER * one.found.spread + WIDENED
-        around = at + reach * ndtri(qmc.Halton(n, seed=2).random(2 * n + 2)[1:])
+        around = at + reach * ndtri(qmc.Halton(n, rng=2).random(2 * n + 2)[1:])
         z, d = _differences(b, leaf, np.concatenate([at, around]), precise=True)
         new = _search(b, r, leaf, metric, z, d, precise=True)
         new.done = new.nodes is None

@@ -215,7 +215,8 @@ def _solved(p: P, plan: BeatPlan, pressures, period: Array, physics: Physics, st
 
 
 def _check(x: Array) -> None:
-    kept = (np.isfinite(x) & (np.abs(x) < LARGEST_STATE)).reshape(-1, x.shape[-1]).all(axis=0)
+    fine = (np.isfinite(x) & (np.abs(x) < LARGEST_STATE)).reshape(-1, x.shape[-1])
+    kept = np.array(fine.all(axis=0))
     if not kept.all():
         raise LostError(~kept)
 

@@ -134,7 +134,7 @@ def _runs(
         return list(_own(b, forms, precise, finer))
     except LostError as error:
         n = len(b.conditions)
-        lost = error.members.reshape(-1, n)[1:].any(axis=1)
+        lost = np.array(error.members.reshape(-1, n)[1:].any(axis=1))
         kept = [form for form, gone in zip(forms, lost, strict=True) if not gone]
         if kept and len(kept) < len(forms):
             alike = iter(_runs(b, kept, precise, finer))

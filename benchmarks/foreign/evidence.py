@@ -166,7 +166,8 @@ def integrate(gain, count: int, seed: int = 0) -> Found:
         return Found(float(gain(none)[0]), none, none[0], none[0])
     rng = np.random.default_rng(seed)
     z = _normal(rng, count, SAMPLES)
-    proposals, sizes = [(np.zeros(count), np.eye(count))], [SAMPLES]
+    proposals: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(count), np.eye(count))]
+    sizes = [SAMPLES]
     values = gain(z)
     for _ in range(ROUNDS):
         logw = values + _log_normal(z, *proposals[0]) - _log_mixture(z, proposals, sizes)
@@ -203,7 +204,7 @@ def _log_normal(z: np.ndarray, mean: np.ndarray, cov: np.ndarray) -> np.ndarray:
 
 def _log_mixture(z: np.ndarray, proposals: list, sizes: list[int]) -> np.ndarray:
     each = np.stack([_log_normal(z, *one) for one in proposals])
-    return logsumexp(each, axis=0, b=np.array(sizes)[:, None] / sum(sizes))
+    return np.asarray(logsumexp(each, axis=0, b=np.array(sizes)[:, None] / sum(sizes)))
 
 
 def _effective(logw: np.ndarray) -> float:

@@ -144,7 +144,7 @@ def _beat(member: ForeignMember, plan: BeatPlan, form: EffectForm, phase: np.nda
     return P, high * shape
 
 
-def stretched(phase: np.ndarray, length: float) -> np.ndarray:
+def stretched(phase: np.ndarray, length: float | np.ndarray) -> np.ndarray:
     """Phases of the mean beat at phases of a beat of another length."""
     share = length / length**SYSTOLIC_SHARE
     turn = END_OF_SYSTOLE / share

@@ -18,7 +18,7 @@ from scipy.special import logsumexp, ndtri
 from scipy.stats import qmc
 
 from benchmarks.foreign.effect_runs import Bench, differences, in_sensors
-from benchmarks.foreign.evidence import Found, Metric, Nodes, integrate
+from benchmarks.foreign.evidence import Integral, Metric, Nodes, integrate
 from benchmarks.foreign.replay import Drawer, Leaf, leaves
 
 FAR = 8.0
@@ -60,7 +60,7 @@ class _Search:
 
     leaf: Leaf
     nodes: Nodes | None
-    found: Found | None
+    found: Integral | None
     precise: bool
     done: bool
 

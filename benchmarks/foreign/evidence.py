@@ -138,7 +138,7 @@ class Nodes:
         return 0.5 * float(np.sum(part**2 / values[kept]))
 
 
-class Found(NamedTuple):
+class Integral(NamedTuple):
     """An integral over the coordinates.
 
     Attributes:
@@ -153,7 +153,7 @@ class Found(NamedTuple):
     spread: np.ndarray
 
 
-def integrate(gain, count: int, seed: int = 0) -> Found:
+def integrate(gain, count: int, seed: int = 0) -> Integral:
     """Log E by adaptive importance sampling.
 
     Args:
@@ -163,7 +163,7 @@ def integrate(gain, count: int, seed: int = 0) -> Found:
     """
     none = np.zeros((1, count))
     if count == 0:
-        return Found(float(gain(none)[0]), none, none[0], none[0])
+        return Integral(float(gain(none)[0]), none, none[0], none[0])
     rng = np.random.default_rng(seed)
     z = _normal(rng, count, SAMPLES)
     proposals: list[tuple[np.ndarray, np.ndarray]] = [(np.zeros(count), np.eye(count))]
@@ -187,7 +187,7 @@ def integrate(gain, count: int, seed: int = 0) -> Found:
     spread = np.sqrt(np.maximum(w @ np.square(z - mean), 1e-20))
     best = int(np.argmax(values - 0.5 * np.square(z).sum(axis=1)))
     order = [best, *rng.choice(len(z), 32, p=w / w.sum())]
-    return Found(float(logsumexp(logw) - np.log(len(z))), z[order], mean, spread)
+    return Integral(float(logsumexp(logw) - np.log(len(z))), z[order], mean, spread)
 
 
 def _normal(rng: np.random.Generator, count: int, points: int) -> np.ndarray:

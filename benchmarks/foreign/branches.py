@@ -24,8 +24,9 @@ from benchmarks.foreign.replay import Drawer, Leaf, leaves
 FAR = 8.0
 """A branch counts no more when its evidence falls short of the largest by so much (in its log)."""
 
-SLACK = 1.15
-"""Factor by which fast nodes may underestimate what a branch explains."""
+SLACK, CLEAR = 2.0, 20.0
+"""Factor by which few nodes may underestimate what a branch explains, and a gain of theirs from
+which that alone decides: interpolation between them may miss all of it."""
 
 MISSED, SPARE = 0.5, 4.0
 """Share of a change that interpolation may miss, and what else the evidence may gain by nodes."""
@@ -81,9 +82,11 @@ class _Search:
         """An optimistic value of the same."""
         if self.nodes is None:
             return -np.inf
-        slack = 1.0 if self.precise else SLACK
+        most = self.nodes.most()
+        if most > CLEAR and not self.precise:
+            return self.leaf.log_share + SLACK * most
         better = self.log_evidence + SPARE + 0.5 * (MISSED * self.length) ** 2
-        return min(self.leaf.log_share + slack * self.nodes.most(), better)
+        return min(self.leaf.log_share + most, better)
 
 
 def evidences(

@@ -29,7 +29,7 @@ from benchmarks.foreign.record import Scene
 from benchmarks.foreign.visibility import Nuisances, nuisances, stacked
 from benchmarks.foreign.waves import BeatPlan
 
-STEPS = {(True, False): 48, (True, True): 160, (False, False): 48, (False, True): 96}
+STEPS = {(True, False): 160, (True, True): 160, (False, False): 48, (False, True): 96}
 """Steps a beat of the own circuit, by whether it is linear and whether the run is precise."""
 
 FINER = (4,)

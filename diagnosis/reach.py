@@ -43,8 +43,8 @@ from diagnosis.verdict import CLOSED_P, Hypothesis, is_closed
 RESISTANCE = "proximal_resistance"
 """The effect that changes the artery's loss."""
 
-FARTHEST_PULL = 2.0
-"""Standard deviations that R0 may lie from what is known of it."""
+FARTHEST_PULL = 2.6
+"""Standard deviations that R0 may lie from what is known of it: one record in a hundred."""
 
 _R0 = SHARED.index("R0")
 _LEAST_LEARNT = 1e-6  # of the variance of x_0, below which data say nothing of R0
@@ -102,7 +102,7 @@ def reach(diagnosis: Diagnosis) -> Reach:
         for pair, fit in zip(own, fits, strict=True)
     )
     learnt = 1.0 - float(before[_R0, _R0])
-    pull = float(fits[0].x[_R0]) / np.sqrt(learnt) if learnt > _LEAST_LEARNT else 0.0
+    pull = float(fits[0].x[_R0]) / float(np.sqrt(learnt)) if learnt > _LEAST_LEARNT else 0.0
 
     place = [effect.id for effect in effects].index(RESISTANCE)
     along = np.zeros(len(after))
@@ -116,7 +116,7 @@ def reach(diagnosis: Diagnosis) -> Reach:
         p_value=p_before,
         pull=pull,
         hypothesis=hypothesis,
-        free=is_closed(misfits[1], misfits[0], diagnosis.n_data, count),
+        free=bool(is_closed(misfits[1], misfits[0], diagnosis.n_data, count)),
         p_value_free=p_after,
         log_factor=float(along @ np.asarray(fits[1].x)),
         log_factor_sd=float(np.sqrt(along @ after @ along)),

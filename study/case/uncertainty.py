@@ -18,7 +18,8 @@ class UncertaintyParameters:
 
     Without bed_factor the response of the bed to stress follows from flow reserves in the
     literature, by the drug, which the name of the condition says (adenosine, dobutamine, or any
-    other), and by the age of the patient, age_years below [body]. So does stress_loss.
+    other), and by the age of the patient, age_years below [body]. So does stress_loss. Without
+    lumen_sd, which jaxfsi diagnose uses, it is 0.1 mm by ultrasound and 0.2 mm by CT.
     """
 
     pressure_sd: Annotated[
@@ -60,3 +61,10 @@ class UncertaintyParameters:
     stress_loss_sd: Annotated[
         Number, Quantity("ratio", "", 0.0, 1.5, text="sd of its logarithm, where it is given")
     ] = 0.2
+    lumen_sd: Annotated[
+        Number | None,
+        Quantity(
+            "length", "mm", 0.01, 1.0, text="sd of the half-axes of the lumen as scanned",
+            example=0.1,
+        ),
+    ] = None  # fmt: skip

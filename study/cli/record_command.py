@@ -8,12 +8,14 @@ from study.case.read import read_case
 from study.cli.command_output import Answer, note
 from study.cli.request import Request
 from study.cli.work import work
+from study.report.diagnosis_lumen import with_lumen
 from study.report.diagnosis_report import diagnosis_report
 from study.report.diagnosis_results import diagnosis_document
 from study.report.documents.diagnose import DiagnoseDocument
 from study.report.plan_results import plan_document
 from study.run.diagnosis import diagnose_record, plan_record, record_origin, with_case
 from study.run.diagnosis_in_3d import gap_in_3d, study_in_3d
+from study.run.diagnosis_lumen import study_lumen
 from study.run.patient import load_patient
 from study.run.progress import Progress
 from study.run.ratio_uncertainty import uncertain_ratios
@@ -50,9 +52,11 @@ def diagnose_command(
     with work(request, folder) as progress:
         origin = record_origin(request.words, options)
         study = study_in_3d(options, record, progress)
+        lumen = study_lumen(options.case)
         diagnosis = diagnose_record(record, options.richness, progress)
         progress.step("writing the report")
         document = diagnosis_document(record, remarks, diagnosis, origin.took(progress.spent()))
+        document = with_lumen(document, diagnosis, lumen)
         written = _write(folder, document)
         if study is not None:
             part = gap_in_3d(record, diagnosis, study, options.in_3d or (), folder, progress)

@@ -8,6 +8,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from diagnosis.where import PHASES
+from study.report.diagnosis_lumen_figures import lumen_change
 from study.report.style import COLOURS, GREY, INK, RED, STYLE, svg
 
 Document = Mapping[str, Any]
@@ -32,6 +33,7 @@ def diagnosis_figures(document: Document) -> dict[str, str]:
         "places": places(document),
         "waveforms": waveforms(document),
         "ladder": ladder(document),
+        "lumen": lumen_change(document),
     }
     if document["where_after_rest_alone"]:
         drawn["where_rest"] = where_map(document["where_after_rest_alone"], "where-rest")

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from study.report.diagnosis_figures import diagnosis_figures
+from study.report.diagnosis_lumen import change_words
 from study.report.page import rendered, safe
 
 
@@ -13,4 +14,10 @@ def diagnosis_report(document: Mapping[str, Any]) -> str:
     Args:
         document: what `diagnosis_document` made, fresh or read back.
     """
-    return rendered("diagnosis.html", d=document, fig=safe(diagnosis_figures(document)))
+    change = (document.get("lumen") or {}).get("change")
+    return rendered(
+        "diagnosis.html",
+        d=document,
+        fig=safe(diagnosis_figures(document)),
+        lumen_words=change_words(change) if change else "",
+    )

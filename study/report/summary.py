@@ -49,6 +49,8 @@ def _diagnosis(document: Document) -> Iterator[str]:
                 f"held out, {held['condition']}: distal pressure off by {rms['before']:.2f} mmHg "
                 f"before, {rms['after']:.2f} after, {rms['noise_floor']:.2f} from noise"
             )
+    if document.get("lumen"):
+        yield f"lumen: {document['lumen']['sentence']}"
     yield from _next(document)
     for remark in document["remarks"]:
         yield f"! {remark}"

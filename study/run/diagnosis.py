@@ -131,12 +131,27 @@ def with_case(record: Record, place: pathlib.Path) -> tuple[Record, str]:
         how = f"was taken from {case.path.name}"
         changed, remark = _changed(record, R0, how, case.surrogate.R0_sd_log)
         return changed, remark + other
-    beside = case.path.parent / f"{case.path.stem}-results"
-    if (beside / STUDY_FILE).is_file():
-        changed, remark = _with_ramp(record, beside)
-        return changed, remark + other
-    changed, remark = _with_contours(record, case)
+    beside = _study_beside(case)
+    changed, remark = _with_contours(record, case) if beside is None else _with_ramp(record, beside)
     return changed, remark + other
+
+
+def study_of(place: pathlib.Path) -> pathlib.Path | None:
+    """The finished study whose ramp `with_case` takes for the same place; None without.
+
+    Raises:
+        CaseError: a case file cannot be read.
+    """
+    if place.suffix == ".json" or (place / STUDY_FILE).is_file():
+        return place
+    case = read_case(place)
+    return _study_beside(case) if case.surrogate.R0 is None else None
+
+
+def _study_beside(case: Case) -> pathlib.Path | None:
+    """Results of a study beside its case, where they are."""
+    beside = case.path.parent / f"{case.path.stem}-results"
+    return beside if (beside / STUDY_FILE).is_file() else None
 
 
 def _with_contours(record: Record, case: Case) -> tuple[Record, str]:

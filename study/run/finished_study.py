@@ -84,18 +84,40 @@ def finished_study(place: pathlib.Path, progress: Progress) -> FinishedStudy:
     """
     document = study_document(place)
     stored = readable(place, document, lambda: _read(document))
-    if stored.options is None:
-        problem = "an earlier version of jaxfsi made it, which did not store its options"
-        raise CaseError([Fault(place, "", None, problem, "", _AGAIN)])
-    case = study_case(read_case(case_path(stored.options)), stored.options)
-    _check_unchanged(case, stored.inputs)
+    case, options = _studied(place, stored.options, stored.inputs)
     _check_numerics(place, document)
-    choice = study_choice(case, stored.options)
+    choice = study_choice(case, options)
     check_study(case, choice)
     folder = place.parent if place.suffix == ".json" else place
     context, _ = open_context(case, folder, choice.run, progress)
     context = with_curve(context, stored.ramp.a, stored.ramp.b)
     return FinishedStudy(context, stored.ramp, stored.alpha, stored.calibrated, choice)
+
+
+def studied_case(place: pathlib.Path) -> Case:
+    """The case of a finished study as its command changed it; no mesh is opened.
+
+    Args:
+        place: its folder, or its `study.json`.
+
+    Raises:
+        CaseError: it is no study, or its case is not where its command says or was changed since.
+    """
+    document = study_document(place)
+    stored = readable(place, document, lambda: _origin(document))
+    return _studied(place, *stored)[0]
+
+
+def _studied(
+    place: pathlib.Path, options: StudyOptions | None, inputs: Mapping[str, str]
+) -> tuple[Case, StudyOptions]:
+    """The case of a study, unchanged since, and the options of its command."""
+    if options is None:
+        problem = "an earlier version of jaxfsi made it, which did not store its options"
+        raise CaseError([Fault(place, "", None, problem, "", _AGAIN)])
+    case = study_case(read_case(case_path(options)), options)
+    _check_unchanged(case, inputs)
+    return case, options
 
 
 def study_document(place: pathlib.Path) -> dict[str, Any]:
@@ -118,15 +140,20 @@ def _read(document: Mapping[str, Any]) -> _Stored:
     """Read all that is gone on from, so that damage is found here."""
     ramp = RampCurve(*(float(document["ramp"][name]) for name in ("a", "b", "inertance")))
     runs = [from_json(Run3D, run) for run in document["runs"]]
-    origin = document["provenance"]
-    options = origin.get("options")
     return _Stored(
         ramp,
         float(document["loop"]["alpha"]),
         calibrated_runs(runs, str(document["loop"]["run"])),
-        None if options is None else StudyOptions.read(options),
-        {str(entry["file"]): str(entry["sha256"]) for entry in origin["inputs"]},
+        *_origin(document),
     )
+
+
+def _origin(document: Mapping[str, Any]) -> tuple[StudyOptions | None, dict[str, str]]:
+    """Options of the command, None where the document does not hold them, and hashes of inputs."""
+    origin = document["provenance"]
+    options = origin.get("options")
+    inputs = {str(entry["file"]): str(entry["sha256"]) for entry in origin["inputs"]}
+    return None if options is None else StudyOptions.read(options), inputs
 
 
 def _check_numerics(place: pathlib.Path, document: Mapping[str, Any]) -> None:

@@ -78,6 +78,12 @@ def lumen_of(anatomy: Anatomy) -> Lumen:
     return Lumen(jnp.asarray(sections.contours), jnp.asarray(sections.s))
 
 
+def aortic_area(anatomy: Anatomy) -> float:
+    """Area of the aorta half-way along it [cm²]."""
+    half_width = anatomy.vessels[0].half_width
+    return math.pi * float(half_width[len(half_width) // 2]) ** 2
+
+
 def operated_lumen(anatomy: Anatomy, R0: float, K: float | None, folder: str) -> OperatedLumen:
     """The artery on one side.
 
@@ -159,9 +165,8 @@ def scaled_losses(
 
 def _law(case: Case, anatomy: Anatomy) -> PressureFlowLaw:
     """Loss of the lumen of one side."""
-    radius = float(anatomy.vessels[0].half_width[len(anatomy.vessels[0].half_width) // 2])
-    area = math.pi * radius**2
-    return lumen_law(lumen_of(anatomy), mu=case.blood.mu, rho=case.blood.rho_f, area_upstream=area)
+    blood, area = case.blood, aortic_area(anatomy)
+    return lumen_law(lumen_of(anatomy), mu=blood.mu, rho=blood.rho_f, area_upstream=area)
 
 
 def _with_losses(case: Case, law: PressureFlowLaw) -> Case:

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+from study.report.documents.least_change import LumenPart
 from study.report.documents.parts import NextMeasurement
 from study.run.gap_parts import GapIn3D
 from study.store.json_form import ABSENT, Absent
@@ -200,6 +201,9 @@ class DiagnoseDocument:
         remarks: what the record lacks.
         provenance: inputs, options, versions.
         waveforms: traces by condition.
+        lumen: whether another lumen than that of the study explains the record; left out without
+            a finished study.
+        no_lumen: why `lumen` is left out.
         in_3d: the gap in the FSI model; left out where it was not asked for.
     """
 
@@ -228,4 +232,6 @@ class DiagnoseDocument:
     remarks: list[str]
     provenance: Provenance
     waveforms: list[RecordWaveforms]
+    lumen: LumenPart | Absent = ABSENT
+    no_lumen: str | Absent = ABSENT
     in_3d: GapIn3D | Absent = ABSENT

@@ -1,13 +1,10 @@
 """What a diagnosis says of the lumen of a finished study: document and words."""
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
 from calibration import lumen_law
-from diagnosis import Diagnosis
 from diagnosis.least_change import CORRELATION_LENGTH, half_axes
 from diagnosis.reach import FARTHEST_PULL, RESISTANCE, Reach
 from diagnosis.verdict import CLOSED_P
@@ -15,12 +12,12 @@ from lumped import ML_PER_MIN, MM
 from study.report.documents.diagnose import DiagnoseDocument
 from study.report.documents.least_change import (
     BoundaryReach,
-    LumenChange,
+    LeastLumenChange,
     LumenPart,
     WantedLoss,
 )
-from study.report.number_formats import signed, significant
-from study.run.diagnosis_lumen import LumenReach, StudyLumen, lumen_reach
+from study.report.number_formats import significant
+from study.run.diagnosis_lumen_parts import LumenReach, StudyLumen
 
 CANNOT_EXCLUDE, FAR = 2.0, 3.0
 """Standard deviations of a scan up to which it leaves a change open, and from which it speaks
@@ -30,22 +27,16 @@ _SHOWN = 0.5  # of the largest change: where it is said to be
 _SMALLEST_P = 1e-4
 
 
-def with_lumen(
-    document: DiagnoseDocument, diagnosis: Diagnosis, known: StudyLumen | str
-) -> DiagnoseDocument:
+def with_lumen(document: DiagnoseDocument, found: LumenReach | str) -> DiagnoseDocument:
     """The document of a diagnosis with what it says of the lumen, or why it says nothing.
 
     Args:
         document: without it.
-        diagnosis: of the same record.
-        known: the lumen of the study, or why there is none.
+        found: what reaches the record, or why that is not known.
     """
-    if isinstance(known, str):
-        return dataclasses.replace(document, no_lumen=known)
-    try:
-        return dataclasses.replace(document, lumen=lumen_part(lumen_reach(diagnosis, known)))
-    except ValueError as error:
-        return dataclasses.replace(document, no_lumen=f"{error}")
+    if isinstance(found, str):
+        return dataclasses.replace(document, no_lumen=found)
+    return dataclasses.replace(document, lumen=lumen_part(found))
 
 
 def lumen_part(found: LumenReach) -> LumenPart:
@@ -68,7 +59,7 @@ def lumen_part(found: LumenReach) -> LumenPart:
     )
 
 
-def _change(found: LumenReach) -> LumenChange:
+def _change(found: LumenReach) -> LeastLumenChange:
     known, least = found.known, found.change
     assert least is not None
     assert found.band is not None
@@ -78,7 +69,7 @@ def _change(found: LumenReach) -> LumenChange:
     at = int(np.argmax(np.abs(delta)))
     inside = delta * np.sign(delta[at]) >= _SHOWN * abs(delta[at])
     first, last = _run_about(inside, at)
-    return LumenChange(
+    return LeastLumenChange(
         s_mm=_list(s),
         half_minor_mm=_list(half_axes(known.lumen)[:, 1] / MM),
         radius_mm=_list(np.sqrt(np.asarray(known.lumen.area) / np.pi) / MM),
@@ -120,7 +111,7 @@ def _course_mean(known: StudyLumen, delta: np.ndarray) -> float | None:
     return float(np.interp(along, s, delta).mean())
 
 
-def _sentences(found: LumenReach, change: LumenChange | None) -> list[str]:
+def _sentences(found: LumenReach, change: LeastLumenChange | None) -> list[str]:
     reach = found.reach
     if reach.boundary:
         return [
@@ -157,7 +148,7 @@ def _why(reach: Reach) -> str:
     return ", and ".join(reasons)
 
 
-def _explaining(change: LumenChange) -> str:
+def _explaining(change: LeastLumenChange) -> str:
     """What the change is, and what the scan says of it."""
     kind = "narrowing" if change.largest_mm < 0.0 else "widening"
     scan = {"the case": "as the case has it"}.get(change.scan, f"by {change.scan}")
@@ -176,22 +167,6 @@ def _explaining(change: LumenChange) -> str:
 
 def _chance(p: float) -> str:
     return f"p < {_SMALLEST_P:g}" if p < _SMALLEST_P else f"p = {significant(p, 2)}"
-
-
-def change_words(change: Mapping[str, Any]) -> str:
-    """The caption of the figure, from the part as JSON holds it."""
-    mean = change["course_mean_mm"]
-    course = (
-        ""
-        if mean is None
-        else f" Mean over the intramural course of {change['course_mm']:.1f} mm:"
-        f" {signed(mean, 3)} mm."
-    )
-    return (
-        f"R0 of the lumen × {change['R0_factor']:.2f}, K × {change['K_factor']:.2f}.{course} Bands:"
-        " two standard deviations of the scan, and of the loss that the record wants. Errors of the"
-        f" scan are taken as alike over {change['correlation_mm']:.1f} mm."
-    )
 
 
 def _list(values: object) -> list[float]:

@@ -1,4 +1,4 @@
-"""The lumen that would explain a record, as a figure."""
+"""The lumen that would explain a record, as a figure with its caption."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from study.report.number_formats import signed
 from study.report.style import COLOURS, GREY, INK, STYLE, legend_below, svg
 
 _SCAN, _WANTED = "#dfe3e8", COLOURS[1]
@@ -49,3 +50,19 @@ def lumen_change(document: Mapping[str, Any]) -> str:
         off.set_xlim(s[0], s[-1])
         legend_below(figure, size.get_legend_handles_labels()[0])
         return svg(figure, "lumen-change")
+
+
+def change_words(change: Mapping[str, Any]) -> str:
+    """The caption of the figure, from the part as JSON holds it."""
+    mean = change["course_mean_mm"]
+    course = (
+        ""
+        if mean is None
+        else f" Mean over the intramural course of {change['course_mm']:.1f} mm:"
+        f" {signed(mean, 3)} mm."
+    )
+    return (
+        f"R0 of the lumen × {change['R0_factor']:.2f}, K × {change['K_factor']:.2f}.{course} Bands:"
+        " two standard deviations of the scan, and of the loss that the record wants. Errors of the"
+        f" scan are taken as alike over {change['correlation_mm']:.1f} mm."
+    )

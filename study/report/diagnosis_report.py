@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from study.report.diagnosis_figures import diagnosis_figures
-from study.report.diagnosis_lumen import change_words
+from study.report.diagnosis_lumen_figures import change_words
 from study.report.page import rendered, safe
 
 

@@ -1,11 +1,9 @@
 """The least change of a studied lumen that explains a record, see `diagnosis.least_change`."""
 
 import pathlib
-from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from diagnosis import Diagnosis
 from diagnosis.least_change import (
@@ -15,19 +13,14 @@ from diagnosis.least_change import (
     LeastChange,
     least_change,
 )
-from diagnosis.reach import Reach, reach
-from jaxfsi import Lumen
+from diagnosis.reach import reach
 from jaxfsi.anatomy import Anatomy, intramural_course
 from study.case.anatomy import IvusAnatomy, SyntheticAnatomy
-from study.case.faults import CaseError
 from study.case.model import Case
 from study.run.anatomy_source import case_anatomy
-from study.run.diagnosis import study_of
+from study.run.diagnosis_lumen_parts import BAND, LumenReach, StudyLumen
 from study.run.finished_study import studied_case
 from study.run.what_if import aortic_area, lumen_of
-
-BAND = 2.0
-"""Standard deviations of ln of the wanted loss that the band of a change spans either way."""
 
 NO_STUDY = (
     "The lumen along the artery is known from a finished study: with its folder as --case this page"
@@ -35,65 +28,21 @@ NO_STUDY = (
 )
 
 
-class StudyLumen(NamedTuple):
-    """The lumen of a finished study.
-
-    Attributes:
-        study: name of its folder or file.
-        lumen: sections from the ostium downstream.
-        mu: viscosity of blood [P].
-        rho: its density [g/cm³].
-        area_upstream: of the aorta [cm²].
-        sd: standard deviation of the half-axes as scanned [cm].
-        scan: what that is of: `ultrasound`, `CT`, or `the case`.
-        course: length of the intramural course from the ostium [cm]; None where nothing tells.
-    """
-
-    study: str
-    lumen: Lumen
-    mu: float
-    rho: float
-    area_upstream: float
-    sd: float
-    scan: str
-    course: float | None
-
-
-class LumenReach(NamedTuple):
-    """What reaches a record, and the change of the lumen that would.
-
-    Attributes:
-        known: the lumen as scanned.
-        reach: what boundary parameters reach, and the loss wanted.
-        change: the least change with that loss; None where none is needed, or none would help.
-        band: its δr with a loss `BAND` standard deviations lower and higher [cm].
-        other: the most probable hypothesis where it leaves R0 alone, else empty, and its
-            probability.
-    """
-
-    known: StudyLumen
-    reach: Reach
-    change: LeastChange | None
-    band: Float[Array, "2 sections"] | None
-    other: tuple[str, float]
-
-
-def study_lumen(place: pathlib.Path | None) -> StudyLumen | str:
+def study_lumen(study: pathlib.Path | None) -> StudyLumen | str:
     """The lumen of the study of a diagnosis, or why there is none.
 
     Args:
-        place: what --case names; None: nothing.
+        study: its folder or `study.json`; None: there is none.
     """
+    if study is None:
+        return NO_STUDY
     try:
-        study = None if place is None else study_of(place)
-        if study is None:
-            return NO_STUDY
         case = studied_case(study)
         if not isinstance(case.anatomy, IvusAnatomy | SyntheticAnatomy):
             kind = "none" if case.anatomy is None else case.anatomy.kind
             return f"The anatomy of the study, of kind {kind}, has no sections of the artery."
         return known_lumen(case, case_anatomy(case), study.name)
-    except (CaseError, OSError) as error:
+    except (ValueError, OSError) as error:
         return f"The lumen of the study could not be opened again: {error}."
 
 
@@ -122,6 +71,21 @@ def known_lumen(case: Case, anatomy: Anatomy, study: str) -> StudyLumen:
         scan=scan if stated is None else "the case",
         course=course,
     )
+
+
+def found_reach(diagnosis: Diagnosis, known: StudyLumen | str) -> LumenReach | str:
+    """What reaches a record, or why it is not known.
+
+    Args:
+        diagnosis: of the record.
+        known: its lumen, or why there is none.
+    """
+    if isinstance(known, str):
+        return known
+    try:
+        return lumen_reach(diagnosis, known)
+    except ValueError as error:
+        return f"{error}"
 
 
 def lumen_reach(diagnosis: Diagnosis, known: StudyLumen) -> LumenReach:

@@ -40,7 +40,7 @@ class WantedLoss:
 
 
 @dataclasses.dataclass(frozen=True)
-class LumenChange:
+class LeastLumenChange:
     """The least change of the lumen whose loss is the wanted one.
 
     Attributes:
@@ -101,4 +101,4 @@ class LumenPart:
     sentence: str
     boundary: BoundaryReach
     wanted: WantedLoss
-    change: LumenChange | None
+    change: LeastLumenChange | None

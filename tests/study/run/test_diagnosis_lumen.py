@@ -14,7 +14,8 @@ from study.report.documents import typed
 from study.report.documents.least_change import LumenPart
 from study.report.summary import summary
 from study.run import diagnosis_lumen
-from study.run.diagnosis_lumen import NO_STUDY, lumen_reach, study_lumen
+from study.run.diagnosis import study_of
+from study.run.diagnosis_lumen import NO_STUDY, found_reach, lumen_reach, study_lumen
 from study.store.case_inputs import input_files
 from study.store.json_form import as_json, from_json
 from study.store.layouts import FORMAT
@@ -76,10 +77,11 @@ def told(known, monkeypatch, *, best=("proximal_resistance",), **change):
 
 def test_the_lumen_of_a_study_is_opened_again(drawn):
     folder = finished(drawn)
-    (found, of_case) = (study_lumen(place) for place in (folder, drawn))
+    assert study_of(folder) == study_of(drawn) == folder
+    found = study_lumen(folder)
     assert np.all(np.diff(found.lumen.s) > 0.0)
     assert (found.scan, found.sd, found.course) == ("CT", 0.02, 1.0)
-    assert of_case.study == found.study == "drawn-results"
+    assert found.study == "drawn-results"
     drawn.write_text(CASE + "[uncertainty]\nlumen_sd_mm = 0.3\n")
     assert "changed since the study" in study_lumen(folder)
     stated = study_lumen(finished(drawn))
@@ -88,7 +90,7 @@ def test_the_lumen_of_a_study_is_opened_again(drawn):
 
 def test_without_sections_it_is_said_why(drawn, tube, tmp_path):
     assert study_lumen(None) == NO_STUDY
-    assert study_lumen(drawn) == NO_STUDY
+    assert study_of(drawn) is None
     mesh = finished(tube.write_case(tmp_path / "tube"))
     assert "of kind mesh, has no sections" in study_lumen(mesh)
 
@@ -118,7 +120,7 @@ def test_the_change_is_told_and_drawn(known, monkeypatch):
     assert "Mean over the intramural course of 10.0 mm" in page
     assert f"lumen: {part.sentence}" in summary(document)
     assert as_json(typed(document)) == document
-    plain = with_lumen(typed(example), None, NO_STUDY)
+    plain = with_lumen(typed(example), found_reach(None, NO_STUDY))
     assert f"Not looked at. {NO_STUDY}" in diagnosis_report(as_json(plain))
     assert "Would another lumen" not in diagnosis_report(example)
 

@@ -47,7 +47,7 @@ four pull-backs of the bundled patient, a line taken off, fall to exp(−½) of 
 
 ULTRASOUND_SD = 0.01
 """Standard deviation of a half-axis by intravascular ultrasound [cm]: two readers differ in the
-area of a lumen by −2.1 to 2.6 mm² (95 %; doi 10.1007/s10554-005-9013-3 and repub.eur.nl/pub/66054),
+area of a lumen by −2.1 to 2.6 mm² (95 %; abstract at repub.eur.nl/pub/66054),
 so that one has 0.85 mm², 0.09 mm of the radius of a lumen of 7.5 mm²."""
 
 CT_SD = 0.02

@@ -6,6 +6,7 @@ score     open the labels and print every figure of one level, and every miss
 grid      print one table over all levels that were diagnosed, write `grid.md` and `grid.png`
 pool      for every effect, pool the ratios of --count patients who share it
 rates     false alarms and causes named where a clock's rate does not divide the beat
+follow    let the generator make the measurement that each diagnosis advises
 sample    check probabilities of --count cases by sequential Monte Carlo
 """
 
@@ -18,9 +19,12 @@ import time
 
 import numpy as np
 
+from benchmarks.blind.advice import FLOWS
 from benchmarks.blind.cases import OFFSET_SD_MMHG, TIERS, Cases, seal
 from benchmarks.blind.cohorts import pool_cohorts
 from benchmarks.blind.diagnoses import diagnose_folder
+from benchmarks.blind.follow import followed
+from benchmarks.blind.follow_table import follow_table
 from benchmarks.blind.grid import grid_figure, grid_table
 from benchmarks.blind.rates import rates_table
 from benchmarks.blind.sample import sample_folder
@@ -35,7 +39,7 @@ def main() -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = {"make": _make, "diagnose": _diagnose, "score": _score, "grid": _grid,
-                "pool": _pool, "rates": _rates, "sample": _sample}  # fmt: skip
+                "pool": _pool, "rates": _rates, "sample": _sample, "follow": _follow}  # fmt: skip
     parser.add_argument("command", choices=tuple(commands))
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--seed", type=int, default=0)
@@ -46,7 +50,7 @@ def main() -> int:
     parser.add_argument("--noise", nargs="+", type=float, default=[0.5])
     parser.add_argument("--richness", nargs="+", default=["waveforms+flow"])
     parser.add_argument("--prior-scale", type=float, default=1.0)
-    parser.add_argument("--first", type=int, help="diagnose only so many cases")
+    parser.add_argument("--first", type=int, help="diagnose or follow only so many cases")
     options = parser.parse_args()
     commands[options.command](options)
     return 0
@@ -61,6 +65,7 @@ def _make(options: argparse.Namespace) -> None:
         cases.write(options.folder / f"noise-{sd:g}", sd)
     truth = np.stack([cases.clean(k) for k in range(options.count)])
     np.save(options.folder / "held_out_truth.npy", truth)
+    np.save(options.folder / FLOWS, cases.traces["Q"])
     seal(options.folder, cases.labels)
     print(f"{options.count} cases in {time.perf_counter() - started:.0f} s", file=sys.stderr)
 
@@ -146,6 +151,17 @@ def _rates(options: argparse.Namespace) -> None:
     table = rates_table(options.folder, options.seed, options.count)
     print(table)
     (options.folder / "rates.md").write_text(table + "\n", encoding="utf-8")
+
+
+def _follow(options: argparse.Namespace) -> None:
+    found = followed(
+        options.folder, options.richness, options.noise[0], options.first, options.seed
+    )
+    text = json.dumps(found)
+    (options.folder / "follow.json").write_text(text, encoding="utf-8")
+    table = follow_table(found)
+    print(table)
+    (options.folder / "follow.md").write_text(table + "\n", encoding="utf-8")
 
 
 def _sample(options: argparse.Namespace) -> None:

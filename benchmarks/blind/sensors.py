@@ -4,6 +4,9 @@ import numpy as np
 
 from benchmarks.blind.truth import SAMPLED, Lanes
 
+DRIFT_STEPS = (0.0, 1.0, 1.9, 3.1)
+"""Offset of a drifting wire by order of acquisition, over its size."""
+
 
 def _filtered(wave: np.ndarray, response: np.ndarray) -> np.ndarray:
     return np.fft.irfft(np.fft.rfft(wave, axis=-1) * response, SAMPLED, axis=-1)
@@ -42,7 +45,7 @@ def seen(true: dict[str, np.ndarray], lanes: Lanes) -> dict[str, np.ndarray]:
     top = P.min(axis=1, keepdims=True) + cut * np.ptp(P, axis=1, keepdims=True)
     P = np.where(cut > 0.0, np.minimum(P, top), P)
     P = P * (1.0 + size("sensor_gain"))
-    steps = np.array([0.0, 1.0, 1.9, 3.1])[lanes["order"].astype(int)][:, None]
+    steps = np.array(DRIFT_STEPS)[lanes["order"].astype(int)][:, None]
     P = P + size("sensor_height") + steps * size("wire_drift")
     return {"P_aorta": P_aorta, "P_distal": P, "Q": true["Q"]}
 

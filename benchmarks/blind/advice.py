@@ -104,7 +104,13 @@ def _missed(d: Diagnosis, hypothesis: Hypothesis) -> float:
     return float(np.max(np.sqrt(np.mean(error**2, axis=-1)), initial=0.0))
 
 
-def advised_rows(folder: pathlib.Path, noise: float, kind: str, first: int | None) -> list[Row]:
+def advised_rows(
+    folder: pathlib.Path,
+    noise: float,
+    kind: str,
+    first: int | None,
+    wanted: set[int] | None = None,
+) -> list[Row]:
     """Rows of the records of a folder; those that are stored there are not made again.
 
     Args:
@@ -112,27 +118,36 @@ def advised_rows(folder: pathlib.Path, noise: float, kind: str, first: int | Non
         noise: of the mean beat [mmHg].
         kind: a richness, or one of `WITH_FLOW`.
         first: only so many records.
+        wanted: numbers of the cases; None for all.
     """
     file = folder / f"advice-{kind.replace(', ', '-').replace(' ', '-')}-{noise:g}.json"
     rows: list[Row] = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else []
     place = folder / f"noise-{noise:g}"
     places = sorted(place.iterdir())[:first] if place.is_dir() else []
+    done = {row["case"] for row in rows}
+    left = [p for p in places if _number(p) not in done]
+    if wanted is not None:
+        left = [p for p in left if _number(p) in wanted]
     flows = folder / FLOWS
-    if kind in WITH_FLOW and len(rows) < len(places) and not flows.is_file():
+    if kind in WITH_FLOW and left and not flows.is_file():
         print(f"{folder} lacks {FLOWS}: no flow waveform can be added", file=sys.stderr)
-        return rows
-    for start in range(len(rows), len(places), CHUNK):
-        some = places[start : start + CHUNK]
+        left = []
+    for start in range(0, len(left), CHUNK):
+        some = left[start : start + CHUNK]
         rows += _rows(some, kind, np.load(flows) if kind in WITH_FLOW else None)
         file.write_text(json.dumps(rows), encoding="utf-8")
         print(f"{kind}: {len(rows)} records", file=sys.stderr, flush=True)
-    return rows[:first]
+    return [row for row in rows if first is None or row["case"] < first]
+
+
+def _number(place: pathlib.Path) -> int:
+    return int(place.name.split("-")[1])
 
 
 def _rows(places: list[pathlib.Path], kind: str, flows: np.ndarray | None) -> list[Row]:
     use_cache()
     found = records_in(places)
-    cases = [int(place.name.split("-")[1]) for place in found]
+    cases = [_number(place) for place in found]
     records = list(found.values())
     if flows is not None:
         pressures = kind == WITH_FLOW[0]

@@ -11,8 +11,8 @@ by KL(j ‖ i), which a size that is hardly known makes much smaller:
 
     KL(j ‖ i) = ½ ln(1 + s²/σ²) + ½ (σ² + m²)/(s² + σ²) − ½.
 
-The control is the mean over all other sensors of the list. "Most information" follows the reading
-of `readings.expected_information`.
+The control is the mean over all other sensors of `READINGS`. "Most information" follows the reading
+of most `readings.expected_information`.
 """
 
 import pathlib
@@ -45,12 +45,12 @@ class Outcome(NamedTuple):
     """What one measurement brought to one case.
 
     Attributes:
-        log_B: change of ln p(i)/p(j), i and j being what the first advice separates.
+        log_B: change of ln p(i)/p(j), i and j being what the advice separates; None if not advised.
         information: change of ln p of the truth.
         standing: of the verdict, see `standing`.
     """
 
-    log_B: float
+    log_B: float | None
     information: float
     standing: str
 
@@ -148,18 +148,24 @@ def outcomes(
         }
         after[sensor] = judged(row, parts, updated(parts, seen, errors, moment))
     after |= more
-    pair = row["advice"][0][1] if row["advice"] else ["none", "none"]
+    pairs = {sensor: pair for sensor, pair, _ in row["advice"]}
     truth = truth_of(label)
-    p = np.log(_probability(row["probabilities"], truth))
+    before = row["probabilities"]
+
+    def log_B(sensor: str, now: dict[str, float]) -> float | None:
+        if sensor not in pairs:
+            return None
+        change = _log_odds(now, pairs[sensor]) - _log_odds(before, pairs[sensor])
+        return float(np.clip(change, -MOST, MOST))
+
     return {
         sensor: Outcome(
-            float(np.clip(_log_odds(new["probabilities"], pair)
-                          - _log_odds(row["probabilities"], pair), -MOST, MOST)),
-            float(np.log(_probability(new["probabilities"], truth)) - p),
+            log_B(sensor, new["probabilities"]),
+            float(np.log(_probability(new["probabilities"], truth) / _probability(before, truth))),
             standing(new["verdict"], new["named"], label),
         )
         for sensor, new in after.items()
-    }  # fmt: skip
+    }
 
 
 def case_of(row: Row, more: dict[str, Row], label: dict[str, Any], seed: int) -> dict[str, Any]:
@@ -168,32 +174,21 @@ def case_of(row: Row, more: dict[str, Row], label: dict[str, Any], seed: int) ->
     Arguments are those of `outcomes`, and the seed of the readings' errors.
     """
     parts = parts_of(row)
-    promised = row["advice"]
-    row = {**row, "advice": [one for one in promised if one[0] in READINGS or one[0] in more]}
-    information = {
-        sensor: expected_information(parts, sensor, np.random.default_rng([seed, row["case"], 1]))
-        for sensor in READINGS
-    }
     found = {
-        kind: outcomes(
-            row, more, label, np.random.default_rng([seed, row["case"]]), kind == "moment"
-        )
-        for kind in ("gaussian", "moment")
+        kind: outcomes(row, more, label, np.random.default_rng([seed, row["case"]]), moment)
+        for kind, moment in (("gaussian", False), ("moment", True))
     }
-    acts = truth_of(label)
-    which = "nothing"
-    if row["advice"]:
-        first, second = (frozenset(name.split("+")) for name in row["advice"][0][1])
-        which = {first: "first", second: "second"}.get(acts, "neither")
     return {
         "case": row["case"],
         "label": label,
         "before": standing(row["verdict"], row["named"], label),
-        "advice": row["advice"],
-        "left_out": len(promised) - len(row["advice"]),
-        "acts": which,
-        "converse": _converse(row),
-        "information": information,
+        "advice": [_promise(row, option, truth_of(label)) for option in row["advice"]],
+        "information": {
+            sensor: expected_information(
+                parts, sensor, np.random.default_rng([seed, row["case"], 1])
+            )
+            for sensor in READINGS
+        },
         "outcomes": {
             kind: {sensor: one._asdict() for sensor, one in by.items()}
             for kind, by in found.items()
@@ -201,16 +196,28 @@ def case_of(row: Row, more: dict[str, Row], label: dict[str, Any], seed: int) ->
     }
 
 
-def _converse(row: Row) -> float | None:
-    """KL(j ‖ i) of the first advice, see above; None for a flow."""
-    if not row["advice"] or row["advice"][0][0] not in READINGS:
-        return None
-    sensor, (effect, _), _ = row["advice"][0]
-    mean, sd, _ = row["sizes"][effect][effect]
-    sigma = errors_of(sensor)[effect]
-    wide = sd**2 + sigma**2
-    kl = 0.5 * np.log(wide / sigma**2) + 0.5 * (sigma**2 + mean**2) / wide - 0.5
-    return float(min(kl, MOST))
+def _promise(row: Row, option: list[Any], truth: frozenset[str]) -> dict[str, Any]:
+    """An advised measurement: what it promises, and which of its two hypotheses is true."""
+    sensor, pair, promised = option
+    first, second = (frozenset(name.split("+")) for name in pair)
+    converse = None
+    if sensor in READINGS:
+        mean, sd, _ = row["sizes"][pair[0]][pair[0]]
+        converse = converse_of(mean, sd, errors_of(sensor)[pair[0]])
+    return {
+        "sensor": sensor,
+        "separates": pair,
+        "promised": promised,
+        "converse": converse,
+        "acts": {first: "first", second: "second"}.get(truth, "neither"),
+    }
+
+
+def converse_of(mean: float, sd: float, error: float) -> float:
+    """KL(j ‖ i) of a reading, see above, at most `MOST`."""
+    wide = sd**2 + error**2
+    found = 0.5 * np.log(wide / error**2) + 0.5 * (error**2 + mean**2) / wide - 0.5
+    return float(min(found, MOST))
 
 
 def followed(
@@ -228,18 +235,32 @@ def followed(
     unknown = sorted(set(levels) - set(LEVELS))
     if unknown:
         raise SystemExit(f"No flow is added to {', '.join(unknown)}. Use {', '.join(LEVELS)}.")
-    kinds = dict.fromkeys([*levels, *(kind for level in levels for kind in LEVELS[level].values())])
-    rows = {kind: advised_rows(folder, noise, kind, first) for kind in kinds}
-    labels = unseal(folder)
-    found = {}
-    for level in levels:
-        more = {
-            sensor: {row["case"]: row for row in rows[kind]}
+    rows = {level: advised_rows(folder, noise, level, first) for level in levels}
+    more = {
+        level: {
+            sensor: {
+                row["case"]: row
+                for row in advised_rows(folder, noise, kind, first, _wanting(rows[level], sensor))
+            }
             for sensor, kind in LEVELS[level].items()
         }
-        found[level] = [
-            case_of(row, {s: by[k] for s, by in more.items() if k in by}, labels[k], seed)
+        for level in levels
+    }
+    labels = unseal(folder)
+    return {
+        level: [
+            case_of(
+                row,
+                {s: by[row["case"]] for s, by in more[level].items() if row["case"] in by},
+                labels[row["case"]],
+                seed,
+            )
             for row in rows[level]
-            for k in (row["case"],)
         ]
-    return found
+        for level in levels
+    }
+
+
+def _wanting(rows: list[Row], sensor: str) -> set[int]:
+    """Cases that are advised a sensor in the first place."""
+    return {row["case"] for row in rows if row["advice"] and row["advice"][0][0] == sensor}

@@ -1,6 +1,6 @@
 """The tables of `follow`: promises against what came, and verdicts before and after."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,9 @@ Case = dict[str, Any]
 UPDATES = {"gaussian": "Gaussian sizes", "moment": "the catalogue's prior"}
 """Kinds of the Bayes update, see `readings`."""
 
+SHOWN = 3
+"""Advised measurements that a report shows, and of which promises are checked."""
+
 
 def follow_table(levels: dict[str, list[Case]]) -> str:
     """All tables as Markdown.
@@ -19,15 +22,72 @@ def follow_table(levels: dict[str, list[Case]]) -> str:
     Args:
         levels: cases of `follow.followed` by richness.
     """
-    return "\n\n".join([_promises(levels), _verdicts(levels), _by_sensor(levels)])
+    return "\n\n".join([_promises(levels), _information(levels), _verdicts(levels)])
 
 
-def _advised(cases: list[Case]) -> list[Case]:
-    return [case for case in cases if case["advice"]]
+def mean_and_error(values: Sequence[float]) -> str:
+    """Mean with its standard error."""
+    if not values:
+        return "-"
+    if len(values) == 1:
+        return f"{values[0]:.2f}"
+    return f"{np.mean(values):.2f} ± {np.std(values, ddof=1) / np.sqrt(len(values)):.2f}"
+
+
+def _promises(levels: dict[str, list[Case]]) -> str:
+    """Change of ln odds of the two hypotheses toward the true one, of all options shown."""
+    lines = [
+        "| record | measurement | advised (first) | its effect acts: number, promised, realised, "
+        "with the catalogue's prior | its rival acts: number, promised, KL of the converse, "
+        "realised, with the catalogue's prior | neither: number |",
+        "|---" * 6 + "|",
+    ]
+    for level, cases in levels.items():
+        options = [(c, o) for c in cases for o in c["advice"][:SHOWN]]
+        kinds = dict.fromkeys("flow" if "flow" in o["sensor"] else "size" for _, o in options)
+        for sensor in [*kinds, *sorted({o["sensor"] for _, o in options})]:
+            own = [(c, o) for c, o in options if sensor in (o["sensor"], _kind(o))]
+            lines.append(f"| {level} | {_named(sensor)} | {_promise_line(own)} |")
+    return "\n".join(lines)
+
+
+def _kind(option: dict[str, Any]) -> str:
+    return "flow" if "flow" in option["sensor"] else "size"
+
+
+def _named(sensor: str) -> str:
+    return {"flow": "**all flows**", "size": "**all readings**"}.get(sensor, sensor)
+
+
+def _promise_line(own: list[tuple[Case, dict[str, Any]]]) -> str:
+    known = [(c, o) for c, o in own if o["sensor"] in c["outcomes"]["gaussian"]]
+
+    def realised(acts: str, kind: str) -> str:
+        sign = 1.0 if acts == "first" else -1.0
+        some = [c["outcomes"][kind][o["sensor"]]["log_B"] for c, o in known if o["acts"] == acts]
+        return mean_and_error([sign * v for v in some])
+
+    def promised(acts: str, of: str) -> str:
+        some = [o[of] for _, o in known if o["acts"] == acts and o[of] is not None]
+        return mean_and_error(some)
+
+    number = {w: sum(o["acts"] == w for _, o in known) for w in ("first", "second", "neither")}
+    leading = sum(c["advice"][0] is o for c, o in own)
+    return (
+        f"{len(own)} ({leading}) | {number['first']}, {promised('first', 'promised')}, "
+        f"{realised('first', 'gaussian')}, {realised('first', 'moment')} | {number['second']}, "
+        f"{promised('second', 'promised')}, {promised('second', 'converse')}, "
+        f"{realised('second', 'gaussian')}, {realised('second', 'moment')} | {number['neither']}"
+    )
+
+
+def followable(cases: list[Case]) -> list[Case]:
+    """Cases whose first advice was followed."""
+    return [c for c in cases if c["advice"] and _first(c) in c["outcomes"]["gaussian"]]
 
 
 def _first(case: Case) -> str:
-    return case["advice"][0][0]
+    return case["advice"][0]["sensor"]
 
 
 def _most(case: Case) -> str:
@@ -35,117 +95,85 @@ def _most(case: Case) -> str:
     return max(READINGS, key=lambda sensor: case["information"][sensor])
 
 
-def _others(case: Case, kind: str) -> list[dict[str, Any]]:
-    return [one for sensor, one in case["outcomes"][kind].items() if sensor != _first(case)]
+def _others(case: Case) -> list[str]:
+    return [sensor for sensor in READINGS if sensor != _first(case)]
 
 
-def _mean(values: list[float]) -> str:
-    """Mean with its standard error."""
-    if not values:
-        return "-"
-    spread = np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
-    error = f" ± {spread:.1f}" if np.isfinite(spread) else ""
-    return f"{np.mean(values):.1f}{error}"
+CHOICES: dict[str, Callable[[Case], list[str]]] = {
+    "the advised": lambda case: [_first(case)],
+    "another reading": _others,
+    "the reading of most information": lambda case: [_most(case)],
+}
+"""Measurements that are followed: of several the mean counts."""
 
 
-def _promises(levels: dict[str, list[Case]]) -> str:
+def _information(levels: dict[str, list[Case]]) -> str:
+    """Change of ln p of the truth, of the first advice and of the controls."""
     lines = [
-        "| record, update | advised | its effect acts: cases, promised, realised | "
-        "its rival acts: cases, promised, expected, realised | neither acts | "
-        "ln p(truth): expected, realised, median | another sensor |",
+        "| record | followed | cases | expected of readings | realised | median | "
+        "with the catalogue's prior |",
         "|---" * 7 + "|",
     ]
     for level, cases in levels.items():
-        some = _advised(cases)
-        for kind, update in UPDATES.items():
-            by = {w: [c for c in some if c["acts"] == w] for w in ("first", "second", "neither")}
-            first = [_outcome(c, kind)["log_B"] for c in by["first"]]
-            second = [-_outcome(c, kind)["log_B"] for c in by["second"]]
-            gains = [_outcome(c, kind)["information"] for c in some]
-            read = [c for c in some if _first(c) in READINGS]
-            other = [float(np.mean([o["information"] for o in _others(c, kind)])) for c in some]
-            converse = [c["converse"] for c in by["second"] if c["converse"] is not None]
-            median = f"{np.median(gains):.2f}" if gains else "-"
+        some = followable(cases)
+        for name, chosen in CHOICES.items():
+            known = [
+                float(np.mean([c["information"][s] for s in chosen(c)]))
+                for c in some
+                if all(s in READINGS for s in chosen(c))
+            ]
+            gained = {
+                kind: [
+                    float(np.mean([c["outcomes"][kind][s]["information"] for s in chosen(c)]))
+                    for c in some
+                ]
+                for kind in UPDATES
+            }
+            median = f"{np.median(gained['gaussian']):.2f}" if some else "-"
             lines.append(
-                f"| {level}, {update} | {len(some)} of {len(cases)}{_left_out(cases)} | {len(first)}, "
-                f"{_mean([c['advice'][0][2] for c in by['first']])}, {_mean(first)} | "
-                f"{len(second)}, {_mean([c['advice'][0][2] for c in by['second']])}, "
-                f"{_mean(converse)}, {_mean(second)} | {len(by['neither'])} | "
-                f"{_mean([c['information'][_first(c)] for c in read])}, {_mean(gains)}, {median} | "
-                f"{_mean(other)} |"
+                f"| {level} | {name} | {len(some)} of {len(cases)} | {mean_and_error(known)} | "
+                f"{mean_and_error(gained['gaussian'])} | {median} | "
+                f"{mean_and_error(gained['moment'])} |"
             )
     return "\n".join(lines)
 
 
-def _left_out(cases: list[Case]) -> str:
-    """How often something was advised that cannot be followed."""
-    number = sum(case["left_out"] > 0 for case in cases)
-    return f", {number} not followed" if number else ""
-
-
-def _outcome(case: Case, kind: str) -> dict[str, Any]:
-    return case["outcomes"][kind][_first(case)]
-
-
 def _verdicts(levels: dict[str, list[Case]]) -> str:
     lines = [
-        "| record, update | measured | unnamed, though effects act: rightly, one of two, wrongly | "
-        "named rightly: no longer, wrongly | nothing known acts, unnamed: named |",
-        "|---" * 5 + "|",
+        "| record, update | followed | ambiguous, effects act: rightly, in part, wrongly named | "
+        "no gap, effects act | unknown, effects act | named rightly: no longer, wrongly | "
+        "nothing of the catalogue acts, unnamed: named |",
+        "|---" * 7 + "|",
     ]
-    chosen: dict[str, Callable[[Case, str], list[str]]] = {
-        "the advised": lambda c, kind: [_outcome(c, kind)["standing"]],
-        "another": lambda c, kind: [o["standing"] for o in _others(c, kind)],
-        "most information": lambda c, kind: [c["outcomes"][kind][_most(c)]["standing"]],
-    }
     for level, cases in levels.items():
-        some = _advised(cases)
         for kind, update in UPDATES.items():
-            for name, after in chosen.items():
-                found = [(c, after(c, kind)) for c in some]
+            for name, chosen in CHOICES.items():
+                found = [
+                    (c, [c["outcomes"][kind][s]["standing"] for s in chosen(c)])
+                    for c in followable(cases)
+                ]
                 lines.append(f"| {level}, {update} | {name} | {_moves(found)} |")
     return "\n".join(lines)
 
 
 def _moves(found: list[tuple[Case, list[str]]]) -> str:
-    """Cases by what they were and became; of several sensors the mean number."""
-    open_ones, right, empty = [], [], []
-    for case, after in found:
-        if case["before"] == "right":
-            right.append(after)
-        elif case["before"] not in ("in part", "wrong"):
-            acting = case["label"]["kind"] in ("single", "pair")
-            (open_ones if acting else empty).append(after)
+    """Cases by what they were, and how many became what; of several measurements the mean."""
+
+    def of(before: str, acting: bool) -> list[list[str]]:
+        kinds = ("single", "pair") if acting else ("none", "outside")
+        return [a for c, a in found if c["before"] == before and c["label"]["kind"] in kinds]
 
     def count(some: list[list[str]], *wanted: str) -> str:
-        number = sum(float(np.mean([s in wanted for s in after])) for after in some)
-        return f"{number:.3g}"
+        return f"{sum(float(np.mean([s in wanted for s in after])) for after in some):.3g}"
 
-    named = ("right", "in part", "wrong")
-    lost = ("ambiguous", "no_gap", "unknown")
-    return (
-        f"{len(open_ones)}: {count(open_ones, 'right')}, {count(open_ones, 'in part')}, "
-        f"{count(open_ones, 'wrong')} | {len(right)}: {count(right, *lost)}, "
-        f"{count(right, 'in part', 'wrong')} | {len(empty)}: {count(empty, *named)}"
-    )
-
-
-def _by_sensor(levels: dict[str, list[Case]]) -> str:
-    lines = [
-        "| record | advised | cases | its effect acts | promised | its effect acts: realised | "
-        "ln p(truth): expected, realised |",
-        "|---" * 7 + "|",
-    ]
-    for level, cases in levels.items():
-        some = _advised(cases)
-        for sensor in dict.fromkeys(sorted(_first(c) for c in some)):
-            own = [c for c in some if _first(c) == sensor]
-            acts = [c for c in own if c["acts"] == "first"]
-            known = [c["information"][sensor] for c in own if sensor in c["information"]]
-            lines.append(
-                f"| {level} | {sensor} | {len(own)} | {len(acts)} | "
-                f"{_mean([c['advice'][0][2] for c in own])} | "
-                f"{_mean([_outcome(c, 'gaussian')['log_B'] for c in acts])} | "
-                f"{_mean(known)}, {_mean([_outcome(c, 'gaussian')['information'] for c in own])} |"
-            )
-    return "\n".join(lines)
+    unnamed = ("ambiguous", "no_gap", "unknown")
+    parts = []
+    for before in unnamed:
+        some = of(before, True)
+        became = ", ".join(count(some, after) for after in ("right", "in part", "wrong"))
+        parts.append(f"{len(some)}: {became}")
+    right = of("right", True)
+    parts.append(f"{len(right)}: {count(right, *unnamed)}, {count(right, 'in part', 'wrong')}")
+    empty = [after for before in unnamed for after in of(before, False)]
+    parts.append(f"{len(empty)}: {count(empty, 'right', 'in part', 'wrong')}")
+    return " | ".join(parts)

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.blind import __main__ as command
 from benchmarks.blind.advice import with_flow
 from benchmarks.blind.cases import seal
-from benchmarks.blind.follow import case_of, standing
+from benchmarks.blind.follow import case_of, converse_of, standing
 from benchmarks.blind.readings import (
     Part,
     expected_information,
@@ -74,10 +74,9 @@ def drift_row(p, mean, sd, promised=5.0):
 def test_realised_information_of_gaussian_hypotheses_is_the_promised():
     rng = np.random.default_rng(3)
     mean, sd, sigma, n = 0.5, 0.6, 0.3, 4000
-    # the formulas of `next_measurement`, and their converse
+    # the formula of `next_measurement`, and its converse
     forward = 0.5 * (mean**2 + sd**2) / sigma**2 - 0.5 * np.log1p(sd**2 / sigma**2)
-    wide = sd**2 + sigma**2
-    backward = 0.5 * np.log(wide / sigma**2) + 0.5 * (sigma**2 + mean**2) / wide - 0.5
+    backward = converse_of(mean, sd, sigma)
     acting = mean + sd * rng.standard_normal(n) + sigma * rng.standard_normal(n)
     absent = sigma * rng.standard_normal(n)
 
@@ -110,7 +109,7 @@ def test_an_effect_that_acts_is_named_after_its_reading_and_one_that_does_not_is
     row = drift_row(0.6, 2.0, 0.5)
     acts = case_of(row, {}, {"kind": "single", "sizes": {"wire_drift": 2.0}}, seed=1)
     assert acts["before"] == "ambiguous"
-    assert acts["acts"] == "first"
+    assert [option["acts"] for option in acts["advice"]] == ["first"]
     for kind in ("gaussian", "moment"):
         found = acts["outcomes"][kind]
         assert found[EQUALISATION]["standing"] == "right"
@@ -118,7 +117,7 @@ def test_an_effect_that_acts_is_named_after_its_reading_and_one_that_does_not_is
         # no hypothesis predicts anything of another reading
         assert found["occlusion pressure"]["information"] == pytest.approx(0.0, abs=1e-9)
     absent = case_of(row, {}, {"kind": "none", "sizes": {}}, seed=1)
-    assert absent["acts"] == "second"
+    assert [option["acts"] for option in absent["advice"]] == ["second"]
     assert absent["outcomes"]["gaussian"][EQUALISATION]["standing"] == "no_gap"
     assert absent["outcomes"]["gaussian"][EQUALISATION]["log_B"] < 0.0
 
@@ -173,9 +172,11 @@ def test_the_command_prints_its_tables_from_stored_advice(tmp_path, monkeypatch,
     monkeypatch.setattr(sys, "argv", arguments)
     assert command.main() == 0
     printed = capsys.readouterr().out
-    assert "| waveforms, Gaussian sizes | 3 of 3 |" in printed
-    assert "| waveforms, Gaussian sizes | the advised | 1: 1, 0, 0 | 0: 0, 0 | 2: 0 |" in printed
-    assert f"| waveforms | {EQUALISATION} | 3 | 1 |" in printed
+    assert f"| waveforms | {EQUALISATION} | 3 (3) | 1, 5.00, " in printed
+    assert "| waveforms | the advised | 3 of 3 |" in printed
+    line = "| the advised | 1: 1, 0, 0 | 0: 0, 0, 0 | 0: 0, 0, 0 | 0: 0, 0 | 2: 0 |"
+    assert f"| waveforms, Gaussian sizes {line}" in printed
     stored = json.loads((tmp_path / "follow.json").read_text())["waveforms"]
-    assert [case["acts"] for case in stored] == ["first", "second", "neither"]
+    acts = [case["advice"][0]["acts"] for case in stored]
+    assert acts == ["first", "second", "neither"]
     assert len(stored[0]["outcomes"]["gaussian"]) == len(READINGS) + 2

@@ -44,7 +44,7 @@ def _promises(levels: dict[str, list[Case]]) -> str:
     ]
     for level, cases in levels.items():
         options = [(c, o) for c in cases for o in c["advice"][:SHOWN]]
-        kinds = dict.fromkeys("flow" if "flow" in o["sensor"] else "size" for _, o in options)
+        kinds = dict.fromkeys(_kind(o) for _, o in options)
         for sensor in [*kinds, *sorted({o["sensor"] for _, o in options})]:
             own = [(c, o) for c, o in options if sensor in (o["sensor"], _kind(o))]
             lines.append(f"| {level} | {_named(sensor)} | {_promise_line(own)} |")
@@ -52,7 +52,7 @@ def _promises(levels: dict[str, list[Case]]) -> str:
 
 
 def _kind(option: dict[str, Any]) -> str:
-    return "flow" if "flow" in option["sensor"] else "size"
+    return "size" if option["sensor"] in READINGS else "flow"
 
 
 def _named(sensor: str) -> str:

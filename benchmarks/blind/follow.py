@@ -23,7 +23,7 @@ import numpy as np
 from benchmarks.blind.advice import LEVELS, Row, advised_rows
 from benchmarks.blind.cases import unseal
 from benchmarks.blind.readings import (
-    Part,
+    Possible,
     errors_of,
     expected_information,
     parts_of,
@@ -41,7 +41,7 @@ LEAST = 1e-9
 """Probability to which the true hypothesis is raised before its logarithm is taken."""
 
 
-class Outcome(NamedTuple):
+class Followed(NamedTuple):
     """What one measurement brought to one case.
 
     Attributes:
@@ -85,7 +85,7 @@ def _log_odds(probabilities: dict[str, float], pair: list[str]) -> float:
     return float(np.log(first / second))
 
 
-def judged(row: Row, parts: list[Part], p: np.ndarray) -> Row:
+def judged(row: Row, parts: list[Possible], p: np.ndarray) -> Row:
     """The row with other probabilities, and the verdict on them.
 
     Whether a best hypothesis that was not the best before predicts held-out conditions no worse
@@ -127,7 +127,7 @@ def outcomes(
     label: dict[str, Any],
     rng: np.random.Generator,
     moment: bool = False,
-) -> dict[str, Outcome]:
+) -> dict[str, Followed]:
     """What every sensor brings to a case.
 
     Args:
@@ -159,7 +159,7 @@ def outcomes(
         return float(np.clip(change, -MOST, MOST))
 
     return {
-        sensor: Outcome(
+        sensor: Followed(
             log_B(sensor, new["probabilities"]),
             float(np.log(_probability(new["probabilities"], truth) / _probability(before, truth))),
             standing(new["verdict"], new["named"], label),

@@ -42,7 +42,7 @@ TRUE_EXPONENT, TURBULENT_EXPONENT = 1.85, 1.75
 """Exponents of the generator's loss and of the catalogue's second form."""
 
 
-class Part(NamedTuple):
+class Possible(NamedTuple):
     """A hypothesis, or "unknown" beside some effects, and its sizes by effect.
 
     Attributes:
@@ -84,7 +84,7 @@ def scale_of(name: str, form: str, row: Row) -> float:
     return 1.0
 
 
-def parts_of(row: Row) -> list[Part]:
+def parts_of(row: Row) -> list[Possible]:
     """All hypotheses of a row with what they predict of readings.
 
     A pair that was not fitted has the sizes of its effects alone; an effect without any fit has
@@ -102,8 +102,10 @@ def parts_of(row: Row) -> list[Part]:
             found[name] = (scale * mean, scale * sd)
         return found
 
-    known = [Part(k, None, p, sizes(k)) for k, p in row["probabilities"].items() if k != "unknown"]
-    return known + [Part("unknown", h, p, sizes(h)) for h, p in row["beside"].items()]
+    known = [
+        Possible(k, None, p, sizes(k)) for k, p in row["probabilities"].items() if k != "unknown"
+    ]
+    return known + [Possible("unknown", h, p, sizes(h)) for h, p in row["beside"].items()]
 
 
 def log_density(
@@ -147,7 +149,7 @@ def _log_moment(mean: np.ndarray, sd: np.ndarray, one_sided: bool) -> np.ndarray
 
 
 def updated(
-    parts: Sequence[Part],
+    parts: Sequence[Possible],
     readings: Mapping[str, float],
     errors: Mapping[str, float],
     moment: bool = False,
@@ -160,7 +162,7 @@ def updated(
 
 
 def log_likelihood(
-    parts: Sequence[Part],
+    parts: Sequence[Possible],
     readings: Mapping[str, float],
     errors: Mapping[str, float],
     moment: bool = False,
@@ -177,7 +179,7 @@ def log_likelihood(
 
 
 def expected_information(
-    parts: Sequence[Part], sensor: str, rng: np.random.Generator, draws: int = DRAWS
+    parts: Sequence[Possible], sensor: str, rng: np.random.Generator, draws: int = DRAWS
 ) -> float:
     """Expected information of a sensor's readings about the hypotheses [nats], see above."""
     errors = errors_of(sensor)

@@ -11,7 +11,7 @@ from benchmarks.blind.advice import with_flow
 from benchmarks.blind.cases import seal
 from benchmarks.blind.follow import case_of, converse_of, standing
 from benchmarks.blind.readings import (
-    Part,
+    Possible,
     expected_information,
     log_density,
     parts_of,
@@ -45,9 +45,9 @@ def test_density_of_a_reading_is_the_integral_over_the_size(mean, sd, one_sided,
 
 def test_update_multiplies_probabilities_by_densities():
     parts = [
-        Part("none", None, 0.5, {}),
-        Part("wire_drift", None, 0.3, {"wire_drift": (2.0, 0.5)}),
-        Part("unknown", "wire_drift", 0.2, {"wire_drift": (1.0, 0.1)}),
+        Possible("none", None, 0.5, {}),
+        Possible("wire_drift", None, 0.3, {"wire_drift": (2.0, 0.5)}),
+        Possible("unknown", "wire_drift", 0.2, {"wire_drift": (1.0, 0.1)}),
     ]
     density = [
         np.exp(float(log_density(np.array(1.5), np.array(m), np.array(s), 0.3)))

@@ -10,7 +10,7 @@ from diagnosis.next_measurement import READINGS
 Case = dict[str, Any]
 
 UPDATES = {"gaussian": "Gaussian sizes", "moment": "the catalogue's prior"}
-"""Kinds of the Bayes update, see `readings`."""
+"""Kinds of the Bayes update, see `readings`; a flow is followed by a diagnosis, alike in both."""
 
 SHOWN = 3
 """Advised measurements that a report shows, and of which promises are checked."""
@@ -107,52 +107,60 @@ CHOICES: dict[str, Callable[[Case], list[str]]] = {
 """Measurements that are followed: of several the mean counts."""
 
 
+def _by_first_advice(cases: list[Case]) -> dict[str, list[Case]]:
+    """Cases that were followed, by what was advised in the first place."""
+    some = followable(cases)
+    found = {"a flow": [c for c in some if _first(c) not in READINGS],
+             "a reading": [c for c in some if _first(c) in READINGS]}  # fmt: skip
+    return {name: own for name, own in found.items() if own}
+
+
 def _information(levels: dict[str, list[Case]]) -> str:
-    """Change of ln p of the truth, of the first advice and of the controls."""
+    """Change of ln p of the truth, by the first advice and by the controls."""
     lines = [
-        "| record | followed | cases | expected of readings | realised | median | "
+        "| record | advised first: cases | followed | expected of readings | realised | median | "
         "with the catalogue's prior |",
         "|---" * 7 + "|",
     ]
     for level, cases in levels.items():
-        some = followable(cases)
-        for name, chosen in CHOICES.items():
-            known = [
-                float(np.mean([c["information"][s] for s in chosen(c)]))
-                for c in some
-                if all(s in READINGS for s in chosen(c))
-            ]
-            gained = {
-                kind: [
-                    float(np.mean([c["outcomes"][kind][s]["information"] for s in chosen(c)]))
+        for advised, some in _by_first_advice(cases).items():
+            for name, chosen in CHOICES.items():
+                known = [
+                    float(np.mean([c["information"][s] for s in chosen(c)]))
                     for c in some
+                    if all(s in READINGS for s in chosen(c))
                 ]
-                for kind in UPDATES
-            }
-            median = f"{np.median(gained['gaussian']):.2f}" if some else "-"
-            lines.append(
-                f"| {level} | {name} | {len(some)} of {len(cases)} | {mean_and_error(known)} | "
-                f"{mean_and_error(gained['gaussian'])} | {median} | "
-                f"{mean_and_error(gained['moment'])} |"
-            )
+                plain, moment = (_gained(some, chosen, kind) for kind in UPDATES)
+                lines.append(
+                    f"| {level} | {advised}: {len(some)} of {len(cases)} | {name} | "
+                    f"{mean_and_error(known)} | {mean_and_error(plain)} | "
+                    f"{np.median(plain):.2f} | {mean_and_error(moment)} |"
+                )
     return "\n".join(lines)
+
+
+def _gained(cases: list[Case], chosen: Callable[[Case], list[str]], kind: str) -> list[float]:
+    return [
+        float(np.mean([c["outcomes"][kind][s]["information"] for s in chosen(c)])) for c in cases
+    ]
 
 
 def _verdicts(levels: dict[str, list[Case]]) -> str:
     lines = [
-        "| record, update | followed | ambiguous, effects act: rightly, in part, wrongly named | "
+        "| record, update | advised first | followed | "
+        "ambiguous, effects act: rightly, in part, wrongly named | "
         "no gap, effects act | unknown, effects act | named rightly: no longer, wrongly | "
         "nothing of the catalogue acts, unnamed: named |",
-        "|---" * 7 + "|",
+        "|---" * 8 + "|",
     ]
     for level, cases in levels.items():
         for kind, update in UPDATES.items():
-            for name, chosen in CHOICES.items():
-                found = [
-                    (c, [c["outcomes"][kind][s]["standing"] for s in chosen(c)])
-                    for c in followable(cases)
-                ]
-                lines.append(f"| {level}, {update} | {name} | {_moves(found)} |")
+            for advised, some in _by_first_advice(cases).items():
+                for name, chosen in CHOICES.items():
+                    found = [
+                        (c, [c["outcomes"][kind][s]["standing"] for s in chosen(c)]) for c in some
+                    ]
+                    lines.append(f"| {level}, {update} | {advised} | {name} | {_moves(found)} |")
     return "\n".join(lines)
 
 

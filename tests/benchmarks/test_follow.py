@@ -173,9 +173,9 @@ def test_the_command_prints_its_tables_from_stored_advice(tmp_path, monkeypatch,
     assert command.main() == 0
     printed = capsys.readouterr().out
     assert f"| waveforms | {EQUALISATION} | 3 (3) | 1, 5.00, " in printed
-    assert "| waveforms | the advised | 3 of 3 |" in printed
+    assert "| waveforms | a reading: 3 of 3 | the advised | " in printed
     line = "| the advised | 1: 1, 0, 0 | 0: 0, 0, 0 | 0: 0, 0, 0 | 0: 0, 0 | 2: 0 |"
-    assert f"| waveforms, Gaussian sizes {line}" in printed
+    assert f"| waveforms, Gaussian sizes | a reading {line}" in printed
     stored = json.loads((tmp_path / "follow.json").read_text())["waveforms"]
     acts = [case["advice"][0]["acts"] for case in stored]
     assert acts == ["first", "second", "neither"]

@@ -17,18 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES, SensorSpectra
+from diagnosis.circuit import SensorSpectra
 from diagnosis.descent import descend
 from diagnosis.effects import SCALE, Effect, bounded_size
-from diagnosis.evidence import (
-    Posterior,
-    Whitened,
-    absorbed,
-    log_moment,
-    posterior,
-    smooth_scale,
-)
-from diagnosis.measured import Measured, Whitener, correlation, data_of, whitener_of
+from diagnosis.evidence import Posterior, Whitened, log_moment, posterior
+from diagnosis.form_columns import form_columns, without_form
+from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
     ConditionSettings,
@@ -39,13 +33,6 @@ from diagnosis.prediction import (
     predict,
     selection,
 )
-
-FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
-"""Correlation lengths of the error of a guessed form [beats], and its number of harmonics."""
-
-FORM_SHIFT = 0.06
-"""Uncertainty of the time at which an effect acts [beats]."""
-
 
 REFINED = 3
 """Points at which a fit is linearised: its optimum, then two posterior means."""
@@ -164,23 +151,72 @@ def fit_hypothesis(
     # the optimum assumes exact equations: iterate the posterior mean with their uncertainty; that
     # of the last point is not used, but one loop compiles in half the time of three calls
     _, (points, linears, every_F, every_waves) = jax.lax.scan(refined, optimum, length=REFINED)
-    F = every_F[-2]
-    residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
-    misfits = _without_form(residuals, F)
-    each = misfits + jnp.sum(points**2, axis=1)
-    best = jnp.argmin(jnp.where(jnp.isfinite(each), each, jnp.inf))
-    (x, linear), residual, misfit, waves = jax.tree.map(
-        lambda a: a[best], ((points, linears), residuals, misfits, every_waves)
-    )
-    after = posterior(linear, F, sided)
-    sd = jnp.sqrt(jnp.diagonal(after.covariance)[k:]) * (places_of(numbers, pair) @ numbers.sd)
-    chi2 = jnp.sum(residual**2)
-    sound = jnp.isfinite(after.log_evidence) & jnp.isfinite(chi2)
-    log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
-    log_Z = jnp.where(sound, log_Z, -jnp.inf)
+    found = _likelier(points, linears, every_F[-2], pair, sided)
+    x, waves = points[found.at], every_waves[found.at]
+    sd = jnp.sqrt(jnp.diagonal(found.after.covariance)[k:])
+    sd = sd * (places_of(numbers, pair) @ numbers.sd)
+    chi2 = jnp.sum(found.residual**2)
+    sound = jnp.isfinite(found.log_Z) & jnp.isfinite(chi2)
+    log_Z = jnp.where(sound, found.log_Z, -jnp.inf)
     x = x.at[k].set(jnp.where(jnp.isnan(fixed_size), x[k], fixed_size))
     sizes = effect_sizes(numbers, pair, x[k:])
-    return Fitted(x, log_Z, chi2, misfit, cost, residual, sizes, sd, waves, sound)
+    return Fitted(x, log_Z, chi2, found.misfit, cost, found.residual, sizes, sd, waves, sound)
+
+
+class _Likelier(NamedTuple):
+    """A hypothesis with exact or with guessed equations, whichever is likelier.
+
+    Attributes:
+        at: position of its point.
+        after: posterior there.
+        residual: whitened residuals there.
+        misfit: see `Fitted`.
+        log_Z: evidence of both.
+    """
+
+    at: Int[Array, ""]
+    after: Posterior
+    residual: Float[Array, "c d"]
+    misfit: Float[Array, ""]
+    log_Z: Float[Array, ""]
+
+
+def _likelier(
+    points: Float[Array, "t k"],
+    linears: Whitened,
+    F: Float[Array, "c d m"],
+    pair: Int[Array, " 2"],
+    sided: Float[Array, " k"],
+) -> _Likelier:
+    """Evidence of a hypothesis whose equations are exact or guessed, which is as likely.
+
+    Guessed equations alone would count against a strong effect: the volume of their freedom grows
+    with it, though the record shows that the form fits.
+
+    Args:
+        points: the optimum of exact equations, then posterior means of guessed ones.
+        linears: the model about each.
+        F: columns of the form tolerance.
+        pair: positions of the effects, −1 for none.
+        sided: 1 for unknowns that only exist above zero.
+    """
+    residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
+    misfits = without_form(residuals, F)
+    each = misfits + jnp.sum(points**2, axis=1)
+    best = jnp.argmin(jnp.where(jnp.isfinite(each), each, jnp.inf))
+
+    def judged(at: Array | int, F: Array | None) -> tuple[Posterior, Array]:
+        after = posterior(jax.tree.map(lambda a: a[at], linears), F, sided)
+        log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
+        return after, jnp.where(jnp.isfinite(log_Z), log_Z, -jnp.inf)
+
+    (exact, log_exact), (guessed, log_guessed) = judged(0, None), judged(best, F)
+    sharp = log_exact > log_guessed
+    at = jnp.where(sharp, 0, best)
+    after = jax.tree.map(lambda a, b: jnp.where(sharp, a, b), exact, guessed)
+    misfit = jnp.where(sharp, jnp.sum(residuals[0] ** 2), misfits[best])
+    log_Z = jnp.logaddexp(log_exact, log_guessed) - jnp.log(2.0)
+    return _Likelier(at, after, residuals[at], misfit, log_Z)
 
 
 def places_of(numbers: Catalogue, pair: Int[Array, " 2"]) -> Float[Array, "2 e"]:
@@ -241,14 +277,6 @@ def log_prior_of_sizes(
     return jnp.sum(jnp.where(pair >= 0, moments, 0.0))
 
 
-def _without_form(residuals: Float[Array, "t c d"], F: Float[Array, "c d m"]) -> Float[Array, " t"]:
-    """Σ rᵀ (I + F Fᵀ)⁻¹ r over the conditions, of several residuals."""
-    columns = jnp.concatenate([F, jnp.moveaxis(residuals, 0, -1)], axis=-1)
-    products = jnp.einsum("cdm,cdl->cml", columns, columns)
-    left, _ = jax.vmap(lambda one: absorbed(one, F.shape[-1]))(products)
-    return jnp.diagonal(jnp.sum(left, axis=0))
-
-
 class UncertainSignals(NamedTuple):
     """Signals of the sensors, and how uncertain equations make them, see `evidence`.
 
@@ -267,7 +295,7 @@ class UncertainSignals(NamedTuple):
 
     def columns(self, W: Whitener) -> Float[Array, "c d m"]:
         """Columns F, whitened."""
-        return _form_columns(W, self.power, self.scalar_power, self.n_sensors)
+        return form_columns(W, self.power, self.scalar_power, self.n_sensors)
 
 
 def form_uncertainty(
@@ -357,34 +385,3 @@ def whitened_by_condition(
         return W(value), W.columns(J)
 
     return slopes
-
-
-def _form_columns(
-    W: Whitener,
-    power: Float[Array, "c 3 n"],
-    scalar_power: Float[Array, "c 4"],
-    n_sensors: int,
-) -> Float[Array, "c d m"]:
-    """Columns F of the form tolerance: smooth random waveforms about where the effects act.
-
-    Their variance is the squared product of tolerance and change by the effect, averaged over
-    neighbouring times: both strength and timing of an effect are uncertain.
-    """
-    lengths = [smooth_scale(length, FORM_HARMONICS) ** 2 for length in FORM_LENGTHS]
-    scale = np.sqrt(np.mean(lengths, axis=0))
-    size = TO_SAMPLES.shape[1] // 2
-    kept = np.r_[0 : FORM_HARMONICS + 1, size + 1 : size + 1 + FORM_HARMONICS]
-    basis = jnp.asarray(TO_SAMPLES[:, kept] * scale)
-    near = correlation(FORM_SHIFT)
-    near = jnp.asarray(near / near.sum(axis=1, keepdims=True))
-    # the derivative of the root at zero is infinite, but nothing is differentiated here
-    envelope = jnp.sqrt(power @ near.T)
-    C, m = power.shape[0], basis.shape[1]
-    rows = TO_SAMPLES.shape[1]
-    F = jnp.zeros((C, W.weight.shape[1], n_sensors * m + 4))
-    for s in range(n_sensors):
-        block = jnp.einsum("qn,cn,nm->cqm", jnp.asarray(FROM_SAMPLES), envelope[:, s], basis)
-        F = F.at[:, s * rows : (s + 1) * rows, s * m : (s + 1) * m].set(block)
-    own = jax.vmap(jnp.diag)(jnp.sqrt(scalar_power))
-    F = F.at[:, n_sensors * rows :, n_sensors * m :].set(own)
-    return W.columns(F)

@@ -26,12 +26,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.colour import coloured, with_power
+from diagnosis.colour import with_power
 from diagnosis.effects import SCALE, Effect, all_forms
 from diagnosis.engine import (
     ProgressCallback,
-    base_fits,
-    base_start,
+    coloured_base_fits,
     no_progress,
     run_forcings,
     run_predictions,
@@ -127,10 +126,7 @@ def _diagnosed(
     causes = causes_of(effects, forms)
     B, F = batch.period.shape[0], len(forms)
 
-    base = base_fits(batch, base_start(batch), numbers, forms, progress)
-    if batch.n_sensors and np.all(base.sound):
-        batch = coloured(batch, base.residual)
-        base = base_fits(batch, np.asarray(base.x), numbers, forms, progress)
+    batch, base = coloured_base_fits(batch, numbers, forms, progress)
     if not np.all(base.sound):
         bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
         raise RuntimeError(

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from diagnosis.colour import coloured
 from diagnosis.effects import Effect
 from diagnosis.forcing import forcing_evidence
 from diagnosis.hypothesis import FITTED, Catalogue, Fitted, fit_hypothesis
@@ -235,3 +236,14 @@ def base_fits(
         batch, range(B), [(-1, -1)] * B, start, numbers, effects,
         step="fitting the base model", progress=progress,
     )  # fmt: skip
+
+
+def coloured_base_fits(
+    batch: Measured, numbers: Catalogue, effects: tuple[Effect, ...], progress: ProgressCallback
+) -> tuple[Measured, Fitted]:
+    """Records with the colour of noise that the base model leaves, and its fits with that."""
+    fits = base_fits(batch, base_start(batch), numbers, effects, progress)
+    if batch.n_sensors and np.all(fits.sound):
+        batch = coloured(batch, fits.residual)
+        fits = base_fits(batch, np.asarray(fits.x), numbers, effects, progress)
+    return batch, fits

@@ -120,7 +120,8 @@ def least_change(
     """
     sd = jnp.broadcast_to(jnp.asarray(sd, dtype=float), lumen.s.shape)
     numbers = (factor, sd, mu, rho, Q, correlation_length, area_upstream)
-    found, lawful, reached = _solved(lumen, *(jnp.asarray(v, dtype=float) for v in numbers))
+    asked = _Asked(*(jnp.asarray(v, dtype=float) for v in numbers))
+    found, lawful, reached = _solved(lumen, asked)
     if not is_traced(reached):
         for rule, holds in zip(_RULES, lawful, strict=True):
             if not bool(holds):
@@ -198,18 +199,22 @@ _RULES = (
 """What must hold of the arguments, in the order of `_lawful`."""
 
 
-def _lawful(
-    shaped: _Shaped,
-    factor: Array,
-    sd: Array,
-    mu: Array,
-    rho: Array,
-    Q: Array,
-    length: Array,
-    upstream: Array,
-) -> Bool[Array, " rules"]:
+class _Asked(NamedTuple):
+    """The numbers of `least_change`, as arrays."""
+
+    factor: Array
+    sd: Array
+    mu: Array
+    rho: Array
+    Q: Array
+    length: Array
+    area_upstream: Array
+
+
+def _lawful(shaped: _Shaped, asked: _Asked) -> Bool[Array, " rules"]:
     """Which of the rules hold."""
     major, minor = shaped.half_axes.T
+    factor, sd, mu, rho, Q, length, upstream = asked
     return jnp.stack([
         jnp.all(minor > _FLAT * major) & jnp.all(jnp.isfinite(shaped.half_axes)),
         jnp.all(jnp.diff(shaped.s) > 0.0),
@@ -223,21 +228,14 @@ def _lawful(
 
 @jax.jit
 def _solved(
-    lumen: Lumen,
-    factor: Array,
-    sd: Array,
-    mu: Array,
-    rho: Array,
-    Q: Array,
-    length: Array,
-    upstream: Array,
+    lumen: Lumen, asked: _Asked
 ) -> tuple[LeastChange, Bool[Array, " rules"], Bool[Array, ""]]:
     """The least change, which of the rules hold, and whether it reaches the factor."""
     shaped = _shaped(lumen)
-    lawful = _lawful(shaped, factor, sd, mu, rho, Q, length, upstream)
-    wanted = jnp.log(factor * nan_unless(jnp.all(lawful)))
-    blood = {"mu": mu, "rho": rho, "area_upstream": upstream}
-    found = _least(shaped, _prior_root(lumen.s, sd, length), wanted, Q, blood)
+    lawful = _lawful(shaped, asked)
+    wanted = jnp.log(asked.factor * nan_unless(jnp.all(lawful)))
+    root = _prior_root(lumen.s, asked.sd, asked.length)
+    found = _least(shaped, root, wanted, asked)
     return found, lawful, jnp.abs(jnp.log(found.factor) - wanted) < CLOSEST
 
 
@@ -286,16 +284,19 @@ class _State(NamedTuple):
     n_polished: Int[Array, ""]
 
 
-def _least(
-    shaped: _Shaped, root: Float[Array, "n n"], wanted: Array, Q: Array, blood: dict[str, Array]
-) -> LeastChange:
+def _least(shaped: _Shaped, root: Float[Array, "n n"], wanted: Array, asked: _Asked) -> LeastChange:
     """The least change with ln F/F[r] = wanted."""
     n = root.shape[0]
 
     def log_loss(z: Array) -> tuple[Array, tuple[Array, Array]]:
         is_open = jnp.all(shaped.half_axes[:, 1] + root @ z > 0.0)
-        law = lumen_law(_stretched(shaped, root @ jnp.where(is_open, z, 0.0)), **blood)
-        loss = law.R0 + law.K * Q
+        law = lumen_law(
+            _stretched(shaped, root @ jnp.where(is_open, z, 0.0)),
+            mu=asked.mu,
+            rho=asked.rho,
+            area_upstream=asked.area_upstream,
+        )
+        loss = law.R0 + law.K * asked.Q
         lawful = is_open & (loss > 0.0)
         value = jnp.where(lawful, jnp.log(jnp.where(lawful, loss, 1.0)), jnp.inf)
         return value, (law.R0, law.K)

@@ -1,8 +1,8 @@
 """What baselines see of a record: the fit of the base model, its linearisation, and the score scan.
 
-The base model is fitted as the diagnosis fits it (`diagnosis.diagnose`): once, then with the colour
-of the noise that it leaves. No effect is fitted. At the optimum x, with W whitening the noise, the
-model is linear in the unknowns and in the standardised sizes φ of all forms of all effects,
+The base model is fitted as the diagnosis fits it, with the colour of the noise that it leaves. No
+effect is fitted. At the optimum x, with W whitening the noise, the model is linear in the unknowns
+and in the standardised sizes φ of all forms of all effects,
 
     W (y − f(x)) = r,     f ≈ f(x) + J δ + G φ.
 """
@@ -19,9 +19,9 @@ from jaxtyping import Array, Float
 
 from benchmarks.blind.diagnoses import records_in
 from diagnosis import CATALOGUE, Effect, Record, measured, stacked
-from diagnosis.colour import coloured, with_power
+from diagnosis.colour import with_power
 from diagnosis.effects import all_forms
-from diagnosis.engine import base_fits, base_start, no_progress
+from diagnosis.engine import coloured_base_fits, no_progress
 from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
 from diagnosis.measured import Measured
 from diagnosis.scan import Linearised, Scan, linearise, score_scan
@@ -92,10 +92,7 @@ def plain_fits(records: Iterable[Record], batch: Measured) -> list[PlainFit]:
     if not batch.n_sensors:
         raise ValueError("These baselines look at waveforms. Give records that hold them.")
     numbers = numbers_of(FORMS)
-    batch = with_power(batch)
-    fits = base_fits(batch, base_start(batch), numbers, FORMS, no_progress)
-    batch = coloured(batch, fits.residual)
-    fits = base_fits(batch, np.asarray(fits.x), numbers, FORMS, no_progress)
+    batch, fits = coloured_base_fits(with_power(batch), numbers, FORMS, no_progress)
     found = []
     for b, record in enumerate(records):
         arrays, fitted = (jax.tree.map(lambda leaf, b=b: leaf[b], own) for own in (batch, fits))

@@ -22,23 +22,7 @@ from study.store.layouts import FORMAT
 from study.store.options import StudyOptions
 from study.store.provenance import origin
 from tests.study.report.documents.test_documents import EXAMPLES
-
-CASE = """\
-[patient]
-id = "drawn"
-[anatomy]
-kind = "synthetic"
-[condition.rest]
-P_systolic_mmHg = 110.0
-P_diastolic_mmHg = 65.0
-period_s = 0.80
-cardiac_output_l_per_min = 5.0
-ffr = 0.91
-[condition.dobutamine]
-P_systolic_mmHg = 130.0
-P_diastolic_mmHg = 70.0
-period_s = 0.45
-"""
+from tests.study.run.test_what_if import CASE
 
 
 def finished(path):

@@ -209,8 +209,6 @@ def prepared(folder, monkeypatch):
 def test_entries_have_the_form_of_the_challenge_without_a_look_at_labels(
     method, tmp_path, monkeypatch
 ):
-    if method == "boosted":
-        pytest.importorskip("sklearn")
     prepared(tmp_path, monkeypatch)
     opened, plainly = [], io.open
 
@@ -254,7 +252,6 @@ def test_verdicts_follow_from_probabilities():
 
 
 def test_trees_learn_and_temperature_softens_what_is_too_sure():
-    pytest.importorskip("sklearn")
     simulations = fake_simulations(40 * 4, 3, np.random.default_rng(7))
     few = Training(simulations.features, simulations.cause % 4, simulations.size)
     features = few.features.copy()

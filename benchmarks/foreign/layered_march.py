@@ -98,7 +98,7 @@ Drive = Callable[[np.ndarray, int], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclasses.dataclass
-class _State:
+class LayeredState:
     """Volumes, flows and node pressures of the last two steps."""
 
     V: np.ndarray
@@ -137,7 +137,7 @@ class LayeredCircuit:
         self.fills = bool(np.any(p["power"]))
         self.mean_beats: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
-    def start(self) -> _State:
+    def start(self) -> LayeredState:
         """Steady state under the mean pressures."""
         p = self.p
         P_ao, P_lv = (part.mean(axis=0) for part in self.drive(np.arange(200) / 200, -1))
@@ -150,9 +150,9 @@ class LayeredCircuit:
         P = np.concatenate([np.stack([P_D, P_D, P_A, P_A]), P_M - p["squeeze"] * P_lv])
         V, I = p["C"] * P, np.stack([Q, Q])  # noqa: E741
         x = np.concatenate([np.stack([Q, P_D, P_A]), P_M])
-        return _State(V, I, x, V.copy(), I.copy(), x.copy())
+        return LayeredState(V, I, x, V.copy(), I.copy(), x.copy())
 
-    def beat(self, s: _State, number: int, steps: int) -> np.ndarray:
+    def beat(self, s: LayeredState, number: int, steps: int) -> np.ndarray:
         """March one beat.
 
         Args:
@@ -183,7 +183,7 @@ class LayeredCircuit:
             raise RuntimeError("The layered bed lost its solution. Draw a smaller effect.")
         return out
 
-    def elements(self, s: _State, phase: float, P_ao, P_lv, over_C) -> Elements:
+    def elements(self, s: LayeredState, phase: float, P_ao, P_lv, over_C) -> Elements:
         """Values of the elements at the extrapolated state of the coming step."""
         p = self.p
         R2, R3 = p["R2"] * self.factor, p["R3"]
@@ -198,7 +198,7 @@ class LayeredCircuit:
             self.law(e, Moment(phase, P_ao, P_lv, x[0], x[1], x[2], x[3:]), p)
         return e
 
-    def _step(self, s: _State, phase: float, P_ao, P_lv, fixed) -> None:
+    def _step(self, s: LayeredState, phase: float, P_ao, P_lv, fixed) -> None:
         b, under, Y, over_C = fixed
         p = self.p
         e = self.elements(s, phase, P_ao, P_lv, over_C)
@@ -229,7 +229,7 @@ class LayeredCircuit:
         s.I = np.array([I_h[0] + share * (Q - I_h[0]), Q1])
         s.x = np.concatenate([(Q, P_D, P_A), P_M])
 
-    def settle(self, steps: int) -> tuple[_State, np.ndarray]:
+    def settle(self, steps: int) -> tuple[LayeredState, np.ndarray]:
         """Run the mean beat until it repeats.
 
         Args:

@@ -150,7 +150,8 @@ def fold(t: np.ndarray, traces: Mapping[str, np.ndarray], period: float, fewest:
     # no upstroke marks the end of the last beat: the period and the last sample must agree on it
     end = upstrokes.at.size * period
     known_end = end if stated and abs(end - t[-1] - step) <= 1.5 * step else None
-    return _best_stretch(t, traces, upstrokes, mean, known_end, stated, fewest)
+    rise = phase_of_first if stated else RISE
+    return _best_stretch(t, traces, upstrokes, mean, rise, known_end, stated, fewest)
 
 
 def _best_stretch(
@@ -158,19 +159,22 @@ def _best_stretch(
     traces: Mapping[str, np.ndarray],
     upstrokes: Upstrokes,
     mean: float,
+    rise: float,
     end: float | None,
     stated: bool,
     fewest: int,
 ) -> Folded:
-    """Try every s and return the result with the least scatter between beats."""
+    """Try every s and return the result with the least scatter between beats.
+
+    Upstrokes lie at about the phase `rise`; the mean beat tells it more precisely.
+    """
     found = []
     varies = np.ptp(np.diff(upstrokes.at)) > 0.01 * mean
     for share in STRETCHES if varies else STRETCHES[:1]:
-        cut = _cut(t, upstrokes.at, mean, RISE, share, end)
+        cut = _cut(t, upstrokes.at, mean, rise, share, end)
         beats, n = _fitted(t, traces, cut, fewest)
-        # the mean beat shows its rise more precisely than a single upstroke
         late = rise_of(beats["P_aorta"].mean(axis=0)) - RISE
-        cut = _cut(t, upstrokes.at, mean, RISE - late, share, end)
+        cut = _cut(t, upstrokes.at, mean, rise - late, share, end)
         beats, n = _fitted(t, traces, cut, fewest)
         scatter = sum(
             float(b.var(axis=0).mean() / max(np.ptp(b), 1e-9) ** 2) for b in beats.values()
@@ -193,7 +197,7 @@ def _cut(
     step = float(np.median(np.diff(t)))
     # an estimated onset may lie slightly before the first sample; that is no gap
     whole = (onset >= t[0] - max(step, 0.01 * mean)) & (onset + length <= t[-1] + 1.6 * step)
-    whole[-1] &= end is not None
+    whole[-1] = end is not None  # which agrees with the last sample
     kept = whole & (np.abs(length / mean - 1.0) < LENGTH_TOLERANCE)
     return _Cut(onset[kept], length[kept], mean, share)
 

@@ -138,3 +138,18 @@ def test_times_that_do_not_increase_and_another_period_are_refused(tmp_path):
     assert any("do not increase" in fault.problem for fault in faults)
     with pytest.raises(Unfoldable, match="another length than period_s"):
         fold(t, traces, 0.48, 16)
+
+
+@pytest.mark.parametrize("rate", [61.0, 97.3, 131.7, 299.6])
+@pytest.mark.parametrize("period", [0.33, 0.627, 0.91])
+def test_two_beats_from_ejection_on_are_taken_whatever_the_rate(rate, period):
+    noise = np.random.default_rng(round(rate)).standard_normal
+    t = np.arange(int(2.0 * period * rate)) / rate
+    phases = np.arange(WAVE.size + 1) / WAVE.size
+    P = np.interp(t % period / period, phases, np.append(WAVE, WAVE[0]))
+    traces = {"P_aorta": P + 0.5 * noise(t.size), "P_distal": P - 10.0}
+    found = fold(t, traces, period, FEWEST_SAMPLES)
+    assert found.period == pytest.approx(period, rel=0.01)
+    beat = found.beats["P_aorta"].mean(axis=0)
+    true = np.interp(np.arange(beat.size) / beat.size, phases, np.append(WAVE, WAVE[0]))
+    assert np.std(beat - true) < 2.5  # a start that is wrong by a hundredth of a beat is 1.5 mmHg

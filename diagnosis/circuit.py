@@ -146,9 +146,16 @@ class Circuit(NamedTuple):
     forced: Complex[Array, "p f"]
 
 
-FORCED = ("ostium", "wall", "microvasculature", "pump", "inlet", "aortic sensor", "distal sensor")
+FORCED = (
+    "ostium", "wall", "microvasculature", "pump", "inlet", "aortic sensor", "distal sensor",
+    "flow sensor",
+)  # fmt: skip
 """Places of an additional waveform: pressure in series with the ostium; flow into the node behind
-R_1, times R_1; pressure in series with R_2; added to P_LV; to P_inlet; to either sensor's trace."""
+R_1, times R_1; pressure in series with R_2; added to P_LV; to P_inlet; to either sensor's trace; to
+the measured flow, times `FLOW_SHARE` of its mean."""
+
+FLOW_SHARE = 0.04 / MMHG
+"""Relative error of the flow that a forcing of the flow sensor makes [cm²/dyn]."""
 
 
 class SensorSpectra(NamedTuple):
@@ -156,7 +163,7 @@ class SensorSpectra(NamedTuple):
 
     Attributes:
         P_aorta, P_distal: measured pressures [dyn/cm²].
-        Q: coronary flow [cm³/s].
+        Q: coronary flow as measured [cm³/s].
     """
 
     P_aorta: Spectrum
@@ -220,7 +227,7 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> SensorSpectra:
     omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
     iw = jax.lax.complex(jnp.zeros_like(omega), omega)
     inlet, ventricle = harmonics(jnp.stack([circuit.P_inlet, circuit.P_LV]))
-    ostium, wall, micro, pump, root, at_aorta, at_distal = circuit.forced
+    ostium, wall, micro, pump, root, at_aorta, at_distal, at_flow = circuit.forced
     g_1, g_3 = _complex(1.0 / circuit.R_1), _complex(1.0 / circuit.R_3)
     g_2 = _complex(1.0 / (circuit.R_2 * autoregulated(circuit)))
     g_across, R0 = _complex(circuit.G_collateral), _complex(circuit.R0)
@@ -248,7 +255,8 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> SensorSpectra:
     if nonlinear:
         Q = _nonlinear_flow(circuit, drive, series, Q)
     seen = sensed(circuit, SensorSpectra(inlet, Z * Q + source_1, Q))
-    return SensorSpectra(seen.P_aorta + at_aorta, seen.P_distal + at_distal, Q)
+    Q_seen = Q + _complex(FLOW_SHARE * Q[0].real) * at_flow
+    return SensorSpectra(seen.P_aorta + at_aorta, seen.P_distal + at_distal, Q_seen)
 
 
 def sensed(circuit: Circuit, true: SensorSpectra) -> SensorSpectra:

@@ -31,6 +31,7 @@ from diagnosis.effects import SCALE, Effect, all_forms
 from diagnosis.engine import (
     ProgressCallback,
     coloured_base_fits,
+    compiled_ahead,
     no_progress,
     run_forcings,
     run_predictions,
@@ -123,34 +124,35 @@ def _diagnosed(
     progress: ProgressCallback,
 ) -> list[Diagnosis]:
     """Diagnoses with the inlet as it is."""
-    causes = causes_of(effects, forms)
-    B, F = batch.period.shape[0], len(forms)
+    with compiled_ahead(batch, numbers, forms):
+        causes = causes_of(effects, forms)
+        B, F = batch.period.shape[0], len(forms)
 
-    batch, base = coloured_base_fits(batch, numbers, forms, progress)
-    if not np.all(base.sound):
-        bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
-        raise RuntimeError(
-            f"The base model could not be fitted to record(s) {bad} of the batch. Look for "
-            "implausible pressures or periods, or leave the record out."
-        )
-    scan = run_scans(batch, np.arange(B), np.asarray(base.x), np.zeros((B, F)), numbers, forms)
-    single = single_fits(batch, base, scan, causes, numbers, forms, progress)
-    log_B = np.asarray(single.log_evidence).reshape(B, F) - base.log_evidence[:, None]
-    found = promising_pairs(batch, single, log_B, causes, numbers, forms, progress)
-    pairs = [
-        found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes))
-        for b in range(B)
-    ]
-    forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)
-    counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
-    drafts = [
-        _assembled(
-            batch, effects, forms, b, base, single, pairs[b], row_of(scan, b), forced[b],
-            int(counts[b]),
-        )
-        for b in range(B)
-    ]  # fmt: skip
-    return _checked(batch, drafts, numbers, forms, progress)
+        batch, base = coloured_base_fits(batch, numbers, forms, progress)
+        if not np.all(base.sound):
+            bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
+            raise RuntimeError(
+                f"The base model could not be fitted to record(s) {bad} of the batch. Look for "
+                "implausible pressures or periods, or leave the record out."
+            )
+        scan = run_scans(batch, np.arange(B), np.asarray(base.x), np.zeros((B, F)), numbers, forms)
+        single = single_fits(batch, base, scan, causes, numbers, forms, progress)
+        log_B = np.asarray(single.log_evidence).reshape(B, F) - base.log_evidence[:, None]
+        found = promising_pairs(batch, single, log_B, causes, numbers, forms, progress)
+        pairs = [
+            found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes))
+            for b in range(B)
+        ]
+        forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)
+        counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
+        drafts = [
+            _assembled(
+                batch, effects, forms, b, base, single, pairs[b], row_of(scan, b), forced[b],
+                int(counts[b]),
+            )
+            for b in range(B)
+        ]  # fmt: skip
+        return _checked(batch, drafts, numbers, forms, progress)
 
 
 def _forcings(
@@ -167,10 +169,10 @@ def _forcings(
     B, F, E = batch.period.shape[0], len(effects), len(causes.names)
     log_Z = np.asarray(single.log_evidence).reshape(B, F)
     jobs: list[tuple[int, tuple[int, int]]] = []
-    x = []
+    fitted: list[Fitted] = []
     for b in range(B):
         jobs.append((b, (-1, -1)))
-        x.append(np.asarray(base.x)[b])
+        fitted.append(row_of(base, b))
         fits = {(int(e), -1): row_of(single, b * F + int(e)) for e in causes.leaders(log_Z[b])}
         fits |= pairs[b].fits
         share = {True: PRIOR["single"] / E, False: PRIOR["pair"] / max(E * (E - 1) / 2, 1)}
@@ -178,12 +180,13 @@ def _forcings(
         score = {h: v for h, v in score.items() if v > float(base.log_evidence[b]) - WORTH_PAIRING}
         for h in sorted(score, key=lambda h: -score[h])[:ACCOMPANIED]:
             jobs.append((b, h))
-            x.append(np.asarray(fits[h].x))
+            fitted.append(fits[h])
     log_Z = run_forcings(
         batch,
         [b for b, _ in jobs],
         [h for _, h in jobs],
-        np.array(x),
+        np.array([fit.x for fit in fitted]),
+        np.array([fit.exact for fit in fitted]),
         numbers,
         effects,
         progress=progress,

@@ -64,11 +64,14 @@ class Form(NamedTuple):
         name: of the form.
         equation: the equation that it adds or changes, in one line.
         change: the circuit with this form at a size, see `Effect`.
+        nonlinear: whether the ostium becomes nonlinear though it does not in the effect's first
+            form.
     """
 
     name: str
     equation: str
     change: Change
+    nonlinear: bool = False
 
 
 class Effect(NamedTuple):
@@ -151,7 +154,13 @@ def all_forms(effects: Sequence[Effect]) -> tuple[Effect, ...]:
     for effect in effects:
         found.append(effect._replace(forms=()))
         found += [
-            effect._replace(change=f.change, equation=f.equation, form=f.name, forms=())
+            effect._replace(
+                change=f.change,
+                equation=f.equation,
+                form=f.name,
+                nonlinear=effect.nonlinear or f.nonlinear,
+                forms=(),
+            )
             for f in effect.forms
         ]
     return tuple(found)

@@ -3,9 +3,15 @@
 A job is one record with one hypothesis. Jobs run in blocks of `BLOCK`, the last one padded, so
 that all batch sizes and hypotheses share the same compiled code; within a block all fits take as
 many steps as the slowest.
+
+XLA compiles a program on one core. The first diagnosis of a process compiles five of them, side by
+side (`compiled_ahead`); a call waits for its own.
 """
 
-from collections.abc import Callable, Sequence
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -76,6 +82,66 @@ def _scan_block(
     return jax.vmap(one)(records, x, sizes)
 
 
+_pending: dict[tuple[Any, bool], Future[None]] = {}
+"""Programs that are being compiled ahead, linear and nonlinear."""
+
+
+@contextlib.contextmanager
+def compiled_ahead(
+    batch: Measured, numbers: Catalogue, effects: tuple[Effect, ...]
+) -> Iterator[None]:
+    """Compile side by side what a diagnosis of a batch calls, while the block is at work.
+
+    Args:
+        batch: the records.
+        numbers: of the catalogue.
+        effects: the catalogue.
+    """
+    cores = os.cpu_count() or 1
+    if cores == 1:
+        yield
+        return
+
+    def shaped(*shape: int, dtype: Any = float) -> jax.ShapeDtypeStruct:
+        return jax.ShapeDtypeStruct((BLOCK, *shape), dtype)
+
+    records = jax.tree.map(lambda leaf: shaped(*leaf.shape[1:], dtype=leaf.dtype), batch)
+    pairs = shaped(2, dtype=int)
+    x = shaped(n_unknowns(jax.tree.map(lambda leaf: leaf[0], batch)) + 2)
+    plan: list[tuple[Any, tuple, bool]] = [
+        (_fit_block, (records, pairs, x, shaped()), False),
+        (_scan_block, (records, x, shaped(len(effects))), False),
+        (_force_block, (records, pairs, x, shaped()), False),
+    ]
+    if any(effect.nonlinear for effect in effects):
+        plan.insert(1, (_fit_block, (records, pairs, x, shaped()), True))
+    if batch.n_sensors:
+        plan.append((_predict_block, (records, pairs, x), True))
+    with ThreadPoolExecutor(min(cores, len(plan)), "compile-ahead") as pool:
+        for program, given, nonlinear in plan:
+            how = {} if program is _scan_block else {"nonlinear": nonlinear}
+            lowered = partial(program.lower, *given, numbers=numbers, effects=effects, **how)
+            _pending[program, nonlinear] = pool.submit(_quietly, lowered)
+        try:
+            yield
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+            _pending.clear()
+
+
+def _quietly(lowered: Callable[[], Any]) -> None:
+    """Compile; whatever fails here fails again, and is reported, where it is called."""
+    with contextlib.suppress(Exception):
+        lowered().compile()
+
+
+def _compiled(program: Any, nonlinear: bool = False) -> None:
+    """Wait for a program that is being compiled ahead; one not begun is compiled by its caller."""
+    begun = _pending.pop((program, nonlinear), None)
+    if begun is not None and not begun.cancel():
+        begun.result()
+
+
 def _in_blocks(
     function: Callable[..., Any],
     batch: Measured,
@@ -130,7 +196,7 @@ def run_fits(
 
 
 def _by_kind(
-    function: Callable[..., Any],
+    function: partial[Any],
     batch: Measured,
     record: Sequence[int] | np.ndarray,
     pairs: Sequence[tuple[int, int]] | np.ndarray,
@@ -153,6 +219,7 @@ def _by_kind(
     for nonlinear in (False, True):
         at = np.flatnonzero(kind == nonlinear)
         if at.size:
+            _compiled(function.func, nonlinear)
             called = partial(function, nonlinear=nonlinear)
             own = [pairs[at], *(a[at] for a in arrays)]
             parts.append(_in_blocks(called, batch, record[at], own, advance))
@@ -170,6 +237,7 @@ def run_scans(
     effects: tuple[Effect, ...],
 ) -> Scan:
     """Score scans about given optima, in NumPy arrays."""
+    _compiled(_scan_block)
     scan = partial(_scan_block, numbers=numbers, effects=effects)
     return _in_blocks(scan, batch, np.asarray(record, int), (x, sizes), lambda count: None)
 
@@ -179,15 +247,19 @@ def run_forcings(
     record: Sequence[int] | np.ndarray,
     pairs: Sequence[tuple[int, int]] | np.ndarray,
     x: np.ndarray,
+    exact: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     *,
     progress: ProgressCallback = no_progress,
 ) -> np.ndarray:
-    """Ln Z of a free forcing at every place beside hypothesis `pairs[j]` of record `record[j]`."""
+    """Ln Z of a free forcing at every place beside hypothesis `pairs[j]` of record `record[j]`.
+
+    The fit of each job gave x and the probability that its equations are exact.
+    """
     force = partial(_force_block, numbers=numbers, effects=effects)
     counted = partial(progress, "looking for what is not in the catalogue")
-    return _by_kind(force, batch, record, pairs, (x,), effects, counted)
+    return _by_kind(force, batch, record, pairs, (x, exact), effects, counted)
 
 
 def run_predictions(
@@ -204,6 +276,7 @@ def run_predictions(
 
     All take the nonlinear solution: jobs are few, and one compilation is less than two.
     """
+    _compiled(_predict_block, True)
     predict = partial(_predict_block, numbers=numbers, effects=effects, nonlinear=True)
     arrays = (np.asarray(pairs, int).reshape(-1, 2), x)
     done = 0

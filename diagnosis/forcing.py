@@ -10,7 +10,7 @@ with some amplitude and correlation length:
 | microvasculature | pressure in series with R_2 |
 | pump | added to the ventricular pressure |
 | inlet | added to the aortic pressure itself |
-| sensor | added to the aortic trace, or to the distal trace |
+| sensor | added to the aortic trace, to the distal trace, or to the measured flow |
 
 A cause acts in every condition at about the same time of the beat, with different strengths. With a
 correlation s between conditions, the covariance of the waveforms of two conditions is that of one
@@ -32,7 +32,7 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from diagnosis import circuit
 from diagnosis.circuit import FORCED, as_harmonics
@@ -76,6 +76,7 @@ def forcing_evidence(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
+    exact: Float[ArrayLike, ""] = 0.0,
     *,
     nonlinear: bool,
 ) -> Float[Array, "p s l a"]:
@@ -87,13 +88,17 @@ def forcing_evidence(
         numbers: of the catalogue.
         pair: positions of the hypothesis's effects, −1 for none.
         x: its posterior mean, standardised.
+        exact: probability that its equations are exact. The likelier kind is computed, and the
+            other one counted with the ratio that both have without a forcing.
         nonlinear: whether any of them makes the ostium nonlinear (static).
     """
     sided = one_sided_unknowns(measured, numbers, pair)
     beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
     W, data, cases = whitener_of(measured), data_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    form = form_uncertainty(measured, effects, numbers, pair, x, nonlinear=nonlinear)
+    form = form_uncertainty(measured, effects, numbers, pair, x, exact, nonlinear=nonlinear)
+    exact = jnp.asarray(exact)
+    other_kind = -jnp.log(2.0 * jnp.maximum(exact, 1.0 - exact))
     none = jnp.zeros(circuit.HARMONICS - FORCING_HARMONICS)
 
     def shown(case: ConditionSettings, own: Array, place: Array, c: Array) -> Array:
@@ -128,7 +133,7 @@ def forcing_evidence(
         return jax.lax.scan(about, inside, length=PASSES)[1][-1]
 
     found = jax.lax.map(at_place, jnp.arange(len(FORCED)))
-    found = jnp.where(jnp.isfinite(found), found, -jnp.inf)
+    found = jnp.where(jnp.isfinite(found), found + other_kind, -jnp.inf)
     return found.reshape(len(FORCED), len(CONDITION_CORRELATIONS), len(LENGTHS), len(AMPLITUDES))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array
 
 from diagnosis.changes import Added, Bell, Change, Scaled
-from diagnosis.circuit import Circuit, harmonics, samples
+from diagnosis.circuit import PHASE, Circuit, harmonics, samples
 from diagnosis.effects import Form
 from diagnosis.resolution import HARMONICS
 from lumped.units import MMHG
@@ -31,8 +31,14 @@ SQUEEZE_DELAY = 0.1
 """Delay of the squeeze behind the ventricular pressure at size one [beats]; assumed. The base model
 states the times of the ventricle in parts of the beat too."""
 
-UNDERDAMPED, DAMPED = 0.25, 0.7
+RINGING, UNDERDAMPED, DAMPED = 0.12, 0.25, 0.7
 """Damping ratios of fluid-filled catheters: 0.07 to 0.7."""
+
+_FALL = 1.0 / (1.0 + np.exp(-(PHASE - 0.18) / 0.02)) / (1.0 + np.exp((PHASE - 0.8) / 0.02))
+"""Part of the beat in which the ventricular pressure falls: 1 there, 0 while it rises."""
+
+INERTIA_OF_STENOSIS = 0.02
+"""L/K of a stenosis [ml]: L = ρl/A, K = ρ/(2A²)·1.5, with l A of 0.01 to 0.03 ml."""
 
 LN_2 = float(np.log(2.0))
 
@@ -65,10 +71,44 @@ def tube_narrowing(c: Circuit, size: Array) -> Circuit:
 
 def late_squeeze(c: Circuit, size: Array) -> Circuit:
     """Ventricular pressure on the vessels later by φ times `SQUEEZE_DELAY`."""
-    k = jnp.arange(HARMONICS + 1, dtype=float)
-    turn = 2.0 * jnp.pi * k * size * SQUEEZE_DELAY
-    late = harmonics(c.P_LV) * jax.lax.complex(jnp.cos(turn), -jnp.sin(turn))
-    return c._replace(P_LV=c.P_LV + samples(late) - samples(harmonics(c.P_LV)))
+    return c._replace(P_LV=c.P_LV + _later(c.P_LV, size * SQUEEZE_DELAY))
+
+
+def _later(wave: Array, delay: Array) -> Array:
+    """What a delay [beats] changes of a waveform, in its harmonics."""
+    turn = 2.0 * jnp.pi * delay * jnp.arange(HARMONICS + 1, dtype=float)
+    late = harmonics(wave) * jax.lax.complex(jnp.cos(turn) - 1.0, -jnp.sin(turn))
+    return samples(late)
+
+
+def shorter_squeeze(c: Circuit, size: Array) -> Circuit:
+    """Ventricular pressure under dobutamine whose fall is earlier by φ times `SQUEEZE_DELAY`."""
+    early = _later(c.P_LV, -c.dobutamine * size * SQUEEZE_DELAY)
+    return c._replace(P_LV=c.P_LV + jnp.asarray(_FALL) * early)
+
+
+def sharper_squeeze(c: Circuit, size: Array) -> Circuit:
+    """Ventricular pressure to the power 1 + φ, with the same peak, on the vessels."""
+    peak = jnp.max(c.P_LV)
+    part = jnp.maximum(c.P_LV / peak, 1e-3)
+    return c._replace(P_LV=c.P_LV * part**size)
+
+
+def narrowing_under_stress(c: Circuit, size: Array) -> Circuit:
+    """Narrowing by the aortic pressure that stress alone brings."""
+    wave = jnp.exp(c.stress * size * (c.P_inlet - P_NARROWING) / P_NARROWING)
+    return c._replace(R0_wave=c.R0_wave * wave)
+
+
+def stress_narrowing_by_pressure(c: Circuit, size: Array) -> Circuit:
+    """Narrowing under stress that is strong where the aortic pressure is."""
+    return c._replace(R0_wave=c.R0_wave * jnp.exp(c.stress * size * c.P_inlet / P_NARROWING))
+
+
+def loss_with_inertia(c: Circuit, size: Array) -> Circuit:
+    """A stenosis with the inertia of its own blood."""
+    K = size * MMHG
+    return c._replace(K=c.K + K, L=c.L + INERTIA_OF_STENOSIS * K)
 
 
 def aortic_regulation(*names: str) -> Change:
@@ -110,13 +150,16 @@ def resonance(sensor: str, damping: float) -> Change:
 FORMS: dict[str, tuple[Form, ...]] = {
     "quadratic_loss": (
         Form("turbulent friction", "ΔP = R0 Q + φ Q|Q|^0.75", Added("K_turbulent", MMHG)),
+        Form("with inertia", "ΔP = R0 Q + φ (Q|Q| + 0.02 dQ/dt)", loss_with_inertia),
     ),
     "dynamic_narrowing": (
         Form("lagging", "R0 exp(φ (P̂_aorta − 80)/80), lag 60 ms", lagged_narrowing),
         Form("tube law", "R0 (1 − ½ tanh(φ (P_aorta − 80)/80))⁻²", tube_narrowing),
+        Form("under stress", "R0 exp(s φ (P_aorta − 80)/80)", narrowing_under_stress),
     ),
     "stress_narrowing": (
         Form("dobutamine alone", "R0 exp(d φ)", Scaled(("R0", "K_known"), 1.0, "dobutamine")),
+        Form("with the pressure", "R0 exp(s φ P_aorta/80)", stress_narrowing_by_pressure, True),
     ),
     "vasodilation": (
         Form("R_2 alone", "R_2 exp(−s φ)", Scaled(("R_2",), -1.0, "stress")),
@@ -125,6 +168,7 @@ FORMS: dict[str, tuple[Form, ...]] = {
     "adenosine_vasodilation": (
         Form("R_2 alone", "R_2 exp(−a φ)", Scaled(("R_2",), -1.0, "adenosine")),
         Form("R_1 and R_2", "R_1, R_2 exp(−a φ)", Scaled(("R_1", "R_2",), -1.0, "adenosine")),
+        Form("R_1 alone", "R_1 exp(−a φ)", Scaled(("R_1",), -1.0, "adenosine")),
     ),
     "r1_r3_dilation": (
         Form("R_1 alone", "R_1 2^(−s φ)", Scaled(("R_1",), -LN_2, "stress")),
@@ -150,6 +194,10 @@ FORMS: dict[str, tuple[Form, ...]] = {
     ),
     "intramyocardial_pump": (
         Form("late", "P_LV(t − φ T/10)", late_squeeze),
+        Form("sharper", "P_LV (P_LV/peak)^φ", sharper_squeeze),
+    ),
+    "dobutamine_inotropy": (
+        Form("shorter", "P_LV(t + d φ T/10) once it falls", shorter_squeeze),
     ),
     "wall_viscoelasticity": (
         Form("Voigt", "C_a/(1 + iωφ)", Added("whole_wall_time")),
@@ -165,10 +213,12 @@ FORMS: dict[str, tuple[Form, ...]] = {
     "catheter_damping": (
         Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("aortic", UNDERDAMPED)),
         Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", resonance("aortic", DAMPED)),
+        Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", resonance("aortic", RINGING)),
     ),
     "distal_damping": (
         Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("distal", UNDERDAMPED)),
         Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", resonance("distal", DAMPED)),
+        Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", resonance("distal", RINGING)),
     ),
     "signal_delay": (
         Form("of the aortic trace", "P_aorta(t + φ)",

@@ -50,6 +50,7 @@ class Fitted(NamedTuple):
     Attributes:
         x: posterior mean, standardised: unknowns of the base model and two sizes.
         log_evidence: ln Z up to a constant of the record.
+        exact: probability that its equations are exact, against guessed ones.
         chi2: Σ of squared whitened residuals.
         misfit: the same in units of noise and form tolerance together.
         cost: least |W (y − f)|² + |x|², without form tolerance.
@@ -63,6 +64,7 @@ class Fitted(NamedTuple):
 
     x: Float[Array, "*b k"]
     log_evidence: Float[Array, "*b"]
+    exact: Float[Array, "*b"]
     chi2: Float[Array, "*b"]
     misfit: Float[Array, "*b"]
     cost: Float[Array, "*b"]
@@ -160,7 +162,8 @@ def fit_hypothesis(
     log_Z = jnp.where(sound, found.log_Z, -jnp.inf)
     x = x.at[k].set(jnp.where(jnp.isnan(fixed_size), x[k], fixed_size))
     sizes = effect_sizes(numbers, pair, x[k:])
-    return Fitted(x, log_Z, chi2, found.misfit, cost, found.residual, sizes, sd, waves, sound)
+    residual, exact = found.residual, found.exact
+    return Fitted(x, log_Z, exact, chi2, found.misfit, cost, residual, sizes, sd, waves, sound)
 
 
 class _Likelier(NamedTuple):
@@ -172,6 +175,7 @@ class _Likelier(NamedTuple):
         residual: whitened residuals there.
         misfit: see `Fitted`.
         log_Z: evidence of both.
+        exact: see `Fitted`.
     """
 
     at: Int[Array, ""]
@@ -179,6 +183,7 @@ class _Likelier(NamedTuple):
     residual: Float[Array, "c d"]
     misfit: Float[Array, ""]
     log_Z: Float[Array, ""]
+    exact: Float[Array, ""]
 
 
 def _likelier(
@@ -216,7 +221,8 @@ def _likelier(
     after = jax.tree.map(lambda a, b: jnp.where(sharp, a, b), exact, guessed)
     misfit = jnp.where(sharp, jnp.sum(residuals[0] ** 2), misfits[best])
     log_Z = jnp.logaddexp(log_exact, log_guessed) - jnp.log(2.0)
-    return _Likelier(at, after, residuals[at], misfit, log_Z)
+    p = jnp.exp(log_exact - jnp.logaddexp(log_exact, log_guessed))
+    return _Likelier(at, after, residuals[at], misfit, log_Z, p)
 
 
 def places_of(numbers: Catalogue, pair: Int[Array, " 2"]) -> Float[Array, "2 e"]:
@@ -304,15 +310,18 @@ def form_uncertainty(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
+    exact: Float[ArrayLike, ""] = 0.0,
     *,
     nonlinear: bool,
 ) -> Float[Array, "c d m"]:
     """Whitened columns F of the uncertainty of the equations of a hypothesis.
 
-    Arguments are those of `fit_hypothesis`, and x its optimum.
+    Arguments are those of `fit_hypothesis`, x its optimum, and the probability that its equations
+    are exact: F is zero where it is above one half.
     """
     uncertain = uncertain_signals(measured, effects, numbers, pair, x, nonlinear=nonlinear)
-    return uncertain.columns(whitener_of(measured))
+    F = uncertain.columns(whitener_of(measured))
+    return jnp.where(jnp.asarray(exact) > 0.5, 0.0, F)
 
 
 def uncertain_signals(

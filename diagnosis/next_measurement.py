@@ -7,7 +7,7 @@ has the expected log Bayes factor
 
     E[ln B_ij] = KL(N(m, s² + σ²) ‖ N(0, σ²)) = ½ (m² + s²)/σ² − ½ ln(1 + s²/σ²),
 
-and an additional sensor whose predictions differ by Δ_k with error σ_k gives ½ Σ Δ_k²/σ_k². Before
+and an additional sensor whose predictions differ by Δ with a covariance R gives ½ Δᵀ R⁻¹ Δ. Before
 any measurement, the same scan at the prior means shows which effects a set of sensors can isolate.
 """
 
@@ -64,8 +64,8 @@ VISIBLE = 3.0
 OPEN = 0.01
 """Probability, or ratio of two, below which a question counts as closed."""
 
-FLOW_ERROR = 0.05
-"""Relative error of a flow."""
+FLOW_ERROR, FLOW_SAMPLES = 0.05, 16
+"""Relative error of a flow, and the independent samples of its waveform."""
 
 SENSOR_SETS = ("means", "means+flow", "waveforms", "waveforms+flow", "flow waveform as well")
 
@@ -160,29 +160,44 @@ def _by_reading(
 
 def _by_flow(diagnosis: Diagnosis, ranked: list[tuple[str, ...]]) -> list[Next]:
     record = diagnosis.record
-    has_mean = np.isfinite(np.asarray(record.scalar_sd)[:, 3]).any()
     if record.n_sensors > 2:
         return []
+    fitted = np.asarray(record.held_out) < 0.5
+    has_mean = bool(np.isfinite(np.asarray(record.scalar_sd)[fitted, 3]).any())
+    flows = {h: np.asarray(diagnosis.fits[h].waves)[fitted, 2] for h in ranked}
     found = []
     for i, first in enumerate(ranked):
         for second in ranked[i + 1 :]:
             if _weight(diagnosis, first, second) <= OPEN:
                 continue
-            Q = [np.asarray(diagnosis.fits[h].waves)[:, 2] for h in (first, second)]
-            mean = np.abs(Q[0].mean(axis=1))
-            apart = (Q[0] - Q[1]).mean(axis=1)
             names = ("+".join(first) or "none", "+".join(second) or "none")
+            of_mean, of_wave = flow_gains(flows[first], flows[second], has_mean)
             if not has_mean:
-                gain = 0.5 * np.sum((apart / (FLOW_ERROR * mean)) ** 2)
-                found.append(Next("mean flow in every condition", names, float(min(gain, 99))))
-            # a flow waveform with correlated noise carries about twenty independent samples
-            step = SAMPLES // 20
-            difference = (Q[0] - Q[1])[:, ::step] / (FLOW_ERROR * np.abs(Q[0]).mean(axis=1))[
-                :, None
-            ]
-            gain = 0.5 * np.sum(difference**2)
-            found.append(Next("flow waveform in every condition", names, float(min(gain, 99))))
+                found.append(Next("mean flow in every condition", names, min(of_mean, 99.0)))
+            found.append(Next("flow waveform in every condition", names, min(of_wave, 99.0)))
     return found
+
+
+def flow_gains(
+    first: Float[np.ndarray, "c n"], second: Float[np.ndarray, "c n"], has_mean: bool
+) -> tuple[float, float]:
+    """Expected ln B of two hypotheses by their flows: if the mean is measured, and the waveform.
+
+    A waveform carries about `FLOW_SAMPLES` independent samples, each with the error `FLOW_ERROR` of
+    the mean, and a common error of the same size; a known mean leaves its shape alone.
+
+    Args:
+        first: flow predicted by one in the fitted conditions [cm³/s].
+        second: by the other one.
+        has_mean: whether the mean flow is known.
+    """
+    sd = FLOW_ERROR * np.abs(first.mean(axis=1, keepdims=True))
+    apart = (first - second) / sd
+    whole = apart[:, :: apart.shape[1] // FLOW_SAMPLES]
+    n, mean = whole.shape[1], whole.mean(axis=1)
+    shape = np.sum((whole - mean[:, None]) ** 2)
+    common = 0.0 if has_mean else np.sum(mean**2) / (1.0 + 1.0 / n)
+    return 0.5 * float(np.sum(apart.mean(axis=1) ** 2)), 0.5 * float(shape + common)
 
 
 @partial(jax.jit, static_argnames=("effects",))

@@ -98,7 +98,7 @@ def reach(diagnosis: Diagnosis) -> Reach:
     nonlinear = any(effect.nonlinear for effect in effects)
     covariance = partial(_covariance, record, effects, numbers, nonlinear=nonlinear)
     before, after = (
-        np.asarray(covariance(jnp.asarray(pair), jnp.asarray(fit.x)))
+        np.asarray(covariance(jnp.asarray(pair), jnp.asarray(fit.x), jnp.asarray(fit.exact)))
         for pair, fit in zip(own, fits, strict=True)
     )
     learnt = 1.0 - float(before[_R0, _R0])
@@ -138,10 +138,11 @@ def _covariance(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
+    exact: Float[Array, ""],
     *,
     nonlinear: bool,
 ) -> Float[Array, "k k"]:
-    """Posterior covariance of a hypothesis about its fit; arguments as of `fit_hypothesis`."""
+    """Posterior covariance of a hypothesis about its fit; arguments as of `form_uncertainty`."""
     W, cases = whitener_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
@@ -151,6 +152,6 @@ def _covariance(
     sided = one_sided_unknowns(measured, numbers, pair)
     inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
     value, J = slopes(inside)
-    F = form_uncertainty(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
+    F = form_uncertainty(measured, effects, numbers, pair, inside, exact, nonlinear=nonlinear)
     residual = W(data_of(measured)) - value
     return posterior(Whitened(residual + J @ inside, J), F, sided).covariance

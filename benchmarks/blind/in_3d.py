@@ -3,9 +3,10 @@
 `python -m benchmarks.blind.in_3d DIR --study RESULTS` takes the mesh, the prestress and α of a
 finished study (`jaxfsi study ... --quick`) and runs the patient at rest, under dobutamine and under
 more of it (held out), once as calibrated and once for each effect that acts on bed or inlet, in the
-forms of `truth`; sensors are those of `sensors`. `python -m benchmarks.blind diagnose DIR` then
-diagnoses the records as those of other tiers, `python -m benchmarks.blind.score_3d DIR` opens the
-labels.
+forms of `truth`; sensors are those of `sensors`. A wall that moves under stress is one of the
+causes: under dobutamine the run takes the mesh of the lumen that ultrasound saw then in systole.
+`python -m benchmarks.blind diagnose DIR` then diagnoses the records as those of other tiers, and
+`python -m benchmarks.blind.score_3d DIR` opens the labels.
 
 The diagnosis is given the curve of the ramp, ΔP = R0 Q + K Q|Q| + L dQ/dt; where the quadratic loss
 is withheld, its secant at the drop at rest stands for a and b. Sizes are the geometric means of
@@ -39,21 +40,28 @@ from study.run.driven_beat import (
 from study.run.finished_study import FinishedStudy, finished_study
 from study.run.progress import Progress
 from study.run.run_context import RunContext
+from study.run.study_context import open_context
 from study.store.cache_folder import use_cache
 
 SOFT_WALL, SOFTER = "softer_wall", 0.25
 """A wall with another modulus than the study's, which is no effect of the catalogue; the factor."""
 
+NARROWED, NARROW_STATE = "stress_narrowing", "dobutamine_systole"
+"""A lumen that stress narrows, and the measured state whose mesh has it."""
+
 NULL = "none"
 
 CAUSES = (
     NULL, "wire_drift", "catheter_damping", "quadratic_loss", "vasodilation", "stress_compliance",
-    "intramyocardial_pump", "aortic_waveform", "back_pressure", SOFT_WALL,
+    "intramyocardial_pump", "aortic_waveform", "back_pressure", NARROWED, SOFT_WALL,
 )  # fmt: skip
 """The cause of each record, those that cost no run first."""
 
 IN_GEOMETRY = ("quadratic_loss",)
 """Effects that the 3D model has by itself: they are withheld from the diagnosis."""
+
+BY_MESH = (NARROWED, SOFT_WALL)
+"""Causes that change mesh or wall, and nothing that drives a run."""
 
 PLAIN = "plain"
 """Begins the folders of runs without any effect."""
@@ -114,7 +122,7 @@ def lanes_of(study: FinishedStudy, cause: str, size: float) -> Lanes:
     lanes["period"] = np.array([c.entry.period for c in conditions])
     for name in ("P_systolic", "P_diastolic"):
         lanes[name] = np.array([float(getattr(c.entry, name)) for c in conditions]) / MMHG
-    acts = cause in RANGES and cause not in IN_GEOMETRY
+    acts = cause in RANGES and cause not in (*IN_GEOMETRY, *BY_MESH)
     lanes["sizes"] = {cause: size * one} if acts else {}
     return lanes
 
@@ -181,11 +189,23 @@ def beats_of(
     changed = drives_of(study, lanes_of(study, cause, size), differences)
     beats = []
     for drive, plain in zip(changed, usual, strict=True):
+        moved = cause == NARROWED and drive.entry.kind != "rest"
+        own = _narrowed(context) if moved else context
         same = fingerprint((drive.bed, drive.P_ostium)) == fingerprint((plain.bed, plain.P_ostium))
-        label = f"{PLAIN if same else cause}{_mark(passes)}"
+        label = f"{PLAIN if same and not moved else cause}{_mark(passes)}"
         context.progress.step(f"3D: {drive.entry.name}, {label}")
-        beats.append(driven_beat(context, f"{label}-{drive.entry.name}", drive))
+        beats.append(driven_beat(own, f"{label}-{drive.entry.name}", drive))
     return beats
+
+
+def _narrowed(context: RunContext) -> RunContext:
+    """The same with the mesh of the lumen under stress, which carries the pressure of its image."""
+    case, folder = context.case, context.folder / NARROWED
+    own, _ = open_context(case, folder, context.choice, context.progress, NARROW_STATE)
+    P_image = case.conditions["dobutamine"].P_systolic
+    rest = dataclasses.replace(case.conditions["rest"], P_diastolic=P_image)
+    case = dataclasses.replace(case, conditions={**case.conditions, "rest": rest})
+    return dataclasses.replace(own, case=case)
 
 
 def size_of(cause: str, rng: np.random.Generator, curve: tuple[float, ...]) -> float:
@@ -194,6 +214,8 @@ def size_of(cause: str, rng: np.random.Generator, curve: tuple[float, ...]) -> f
         return 0.0
     if cause == SOFT_WALL:
         return SOFTER
+    if cause == NARROWED:
+        return math.nan  # follows from the runs, see `narrowing_of`
     if cause in IN_GEOMETRY:
         return curve[1]
     low, high, signed = RANGES[cause]
@@ -228,6 +250,7 @@ def make(
         if cause in causes
     }
     labels, truth = [], []
+    plain = beats_of(study, _context(study, folder, NULL), NULL, 0.0, passes)
     for k, cause in enumerate(rng.permutation(list(beats_by_cause)).tolist()):
         size, beats = sizes[cause], beats_by_cause[cause]
         lanes = lanes_of(study, cause, size)
@@ -252,10 +275,19 @@ def make(
         ]
         place = folder / f"noise-{sd:g}" / f"case-{k:04d}"
         write_record(place, prior, settings, rng, sd, OFFSET_SD_MMHG)
-        labels.append(label_of(cause, size, math.log(curve[0] / secant)))
+        if cause == NARROWED:
+            size = narrowing_of(beats[1], plain[1])
+        apart = float(np.sqrt(np.mean((beats[-1].P_distal - plain[-1].P_distal) ** 2)))
+        labels.append({**label_of(cause, size, math.log(curve[0] / secant)), "apart": apart})
         truth.append(traces["P_distal"][-1])
     np.save(folder / "held_out_truth.npy", np.stack(truth))
     seal(folder, labels)
+
+
+def narrowing_of(beat: DrivenBeat, plain: DrivenBeat) -> float:
+    """Ln of the ratio of mean drop over mean flow in two runs [-]."""
+    narrow, usual = ((b.P_ostium - b.P_distal).mean() / b.Q.mean() for b in (beat, plain))
+    return float(np.log(narrow / usual))
 
 
 def label_of(cause: str, size: float, smaller: float) -> dict:

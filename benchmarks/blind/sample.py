@@ -100,26 +100,32 @@ def _sampled(
 def sampled_log_evidence(
     diagnosis: Diagnosis, hypothesis: Hypothesis, *, seed: int = 0
 ) -> tuple[float, float]:
-    """Ln Z of a fitted hypothesis by importance sampling, and the effective number of draws."""
-    effects, record = diagnosis.effects, diagnosis.record
-    names, numbers = [effect.id for effect in effects], numbers_of(effects)
-    at = [names.index(name) for name in hypothesis]
-    pair = jnp.asarray(np.array(at + [-1] * (2 - len(at))))
-    bent = any(effects[k].nonlinear for k in at)
+    """Ln Z of a fitted hypothesis by importance sampling, and the least effective number of draws.
+
+    As in a fit, equations of effects are exact or guessed, which is as likely.
+    """
+    record, effects = diagnosis.record, diagnosis.acting[hypothesis]
+    numbers, bent = numbers_of(effects), any(effect.nonlinear for effect in effects)
+    pair = jnp.asarray(np.array([*range(len(effects)), -1, -1][:2]))
     x = jnp.asarray(np.asarray(diagnosis.fits[hypothesis].x))
-    F = np.asarray(_form(record, effects, numbers, pair, x, nonlinear=bent))
-    # factorised once by NumPy, so that no library is called beside the draws
-    factor = np.linalg.cholesky(np.eye(F.shape[1]) + F @ F.swapaxes(1, 2))
-    whitener = jnp.asarray(np.linalg.inv(factor))
-    found, effective = _sampled(
-        record, pair, x, numbers, jax.random.key(seed), whitener, effects=effects, nonlinear=bent
-    )
-    log_volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum()
-    return float(found) - float(log_volume), float(effective)
+    guessed = np.asarray(_form(record, effects, numbers, pair, x, nonlinear=bent))
+    log_Z, effective = [], []
+    for F in (guessed, np.zeros_like(guessed)):
+        # factorised once by NumPy, so that no library is called beside the draws
+        factor = np.linalg.cholesky(np.eye(F.shape[1]) + F @ F.swapaxes(1, 2))
+        whitener = jnp.asarray(np.linalg.inv(factor))
+        found, draws = _sampled(
+            record, pair, x, numbers, jax.random.key(seed), whitener,
+            effects=effects, nonlinear=bent,
+        )  # fmt: skip
+        log_volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum()
+        log_Z.append(float(found) - float(log_volume))
+        effective.append(float(draws))
+    return float(np.logaddexp(*log_Z) - np.log(2.0)), min(effective)
 
 
 def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:
-    """Probabilities among the likeliest hypotheses of some records, as a Markdown table."""
+    """Probabilities of the likeliest hypotheses, in their likeliest forms, as a Markdown table."""
     diagnoses = diagnoses_of(sorted(folder.iterdir())[:count], richness)
     n = len(CATALOGUE)
     prior = {0: PRIOR["none"], 1: PRIOR["single"] / n, 2: PRIOR["pair"] / (n * (n - 1) / 2)}
@@ -133,7 +139,7 @@ def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:
         stated, sampled = (
             np.exp(logs - logsumexp(logs))
             for logs in (
-                share + np.array([d.log_B[h] for h in ranked]),
+                share + np.array([float(d.fits[h].log_evidence) for h in ranked]),
                 share + np.array([f[0] for f in found]),
             )
         )

@@ -29,6 +29,7 @@ _LOOK = {
     "inlet": "the aortic pressure that the model is given",
     "aortic sensor": "the aortic catheter (damping, whip, clipping)",
     "distal sensor": "the pressure wire (echo, whip, clipping, contact with the wall)",
+    "flow sensor": "the measured flow (calibration, angle of the probe, area of the vessel)",
 }
 
 

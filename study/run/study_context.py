@@ -61,7 +61,11 @@ def check_study(case: Case, choice: StudyChoice) -> None:
 
 
 def open_context(
-    case: Case, folder: pathlib.Path, choice: RunChoice, progress: Progress
+    case: Case,
+    folder: pathlib.Path,
+    choice: RunChoice,
+    progress: Progress,
+    state: str | None = None,
 ) -> tuple[RunContext, Anatomy | None]:
     """What all runs of a case share, its mesh made or taken from the cache, and its anatomy.
 
@@ -70,11 +74,12 @@ def open_context(
         folder: where stages and runs are kept.
         choice: how runs are made.
         progress: told of the meshing.
+        state: one of `states_of`; None is the first.
 
     Raises:
         CaseError: no mesh can be made, or it lacks an opening.
     """
-    state = states_of(case)[0]
+    state = state or states_of(case)[0]
     found = mesh_state(case, state, progress)
     mesh = found.mesh
     check_openings(case, mesh, rigid=False)

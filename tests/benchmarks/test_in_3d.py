@@ -91,3 +91,13 @@ def test_the_table_counts_right_causes_and_alarms():
     alarm["label"] = {"kind": "none", "sizes": {}}
     text = table([right, alarm], 0.6)
     assert "right place 1/1, right cause 1/1, named wrongly 0/2, alarms on the null 1" in text
+
+
+def test_either_narrowing_is_right_where_stress_narrows_the_lumen():
+    inclusion = {effect.id: 0.0 for effect in CATALOGUE} | {"dynamic_narrowing": 0.9}
+    row = {"inclusion": inclusion, "held_out": {"before": 3.0, "after": 0.5}}
+    row |= {"verdict": "named", "named": ["dynamic_narrowing"]}
+    row["label"] = {"kind": "single", "sizes": {"stress_narrowing": 0.3}, "apart": 2.5}
+    text = table([row], 0.6)
+    assert "right cause 1/1, named wrongly 0/1" in text
+    assert "| 3.00 to 0.50 | 2.50 |" in text

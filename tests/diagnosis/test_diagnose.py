@@ -9,7 +9,13 @@ from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
 from diagnosis.cohort import pool
 from diagnosis.evidence import Whitened, log_moment, posterior
 from diagnosis.hypothesis import form_uncertainty, numbers_of
-from diagnosis.next_measurement import aliases, isolability, next_measurements
+from diagnosis.next_measurement import (
+    FLOW_ERROR,
+    aliases,
+    flow_gains,
+    isolability,
+    next_measurements,
+)
 from diagnosis.scan import linearise, score_scan
 from diagnosis.shrink import fitted_gap, held_out_gap
 from diagnosis.singles import strained
@@ -109,6 +115,21 @@ def test_maps_point_to_the_condition_and_to_the_model(found):
         assert sum(at.values()) == pytest.approx(1.0, abs=1e-12)
         assert at[place] > 0.8
     assert sum(forcing_shares(found[2]).values()) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_a_flow_is_worth_what_its_dense_covariance_says():
+    first, second = 2.0 + np.random.default_rng(4).random((2, 3, 256))
+    n = 16
+    sd = FLOW_ERROR * first.mean(axis=1)
+    apart = (first - second)[:, ::16] / sd[:, None]
+    both = np.eye(n) + np.ones((n, n))
+    blind = np.eye(n) + 1e9 * np.ones((n, n))
+    of_mean, of_wave = flow_gains(first, second, has_mean=False)
+    expected = [0.5 * sum(d @ np.linalg.solve(R, d) for d in apart) for R in (both, blind)]
+    assert of_wave == pytest.approx(expected[0], rel=1e-9)
+    assert flow_gains(first, second, has_mean=True)[1] == pytest.approx(expected[1], rel=1e-6)
+    means = (first - second).mean(axis=1) / sd
+    assert of_mean == pytest.approx(0.5 * means @ means)
 
 
 @pytest.mark.slow

@@ -170,6 +170,7 @@ def _without_noise(left: Float[Array, "c k"], variance: Float[Array, "c k"]) -> 
     return left * signal.at[_LOW].set(1.0)[None]
 
 
+@jax.jit
 def with_inlet_mean(measured: Measured, waves: Float[Array, "c 3 n"]) -> Float[Array, "c 3 n"]:
     """Signals of a fit with a free inlet, at the posterior mean of what they integrate over.
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis import CATALOGUE, Effect, find_effect, measured
-from diagnosis.circuit import PHASE
+from diagnosis.circuit import FORCED, PHASE
 from diagnosis.effects import all_forms
 from diagnosis.prediction import as_waves, base_circuit, condition_settings, observations, predict
+from diagnosis.resolution import HARMONICS
 from lumped import (
     MMHG,
     Fourier,
@@ -101,6 +102,18 @@ def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vesse
     # the prior's width and the effect both move the whole curve
     np.testing.assert_allclose(changed.R0, wider.R0, rtol=1e-12)
     np.testing.assert_allclose(changed.K_known, wider.K_known, rtol=1e-12)
+
+
+def test_a_forcing_of_the_flow_sensor_moves_the_measured_flow_alone():
+    forced = jnp.zeros((len(FORCED), HARMONICS + 1), complex)
+    forced = forced.at[FORCED.index("flow sensor"), 0].set(5.0 * MMHG)
+    plain, moved = (
+        as_waves(predict(case(), OWN, (), jnp.zeros(0), nonlinear=False, forced=f))
+        for f in (None, forced)
+    )
+    np.testing.assert_array_equal(moved[:2], plain[:2])
+    # 5 mmHg stand for an error of a fifth of the mean flow
+    np.testing.assert_allclose(moved[2] - plain[2], 0.2 * plain[2].mean(), rtol=1e-9)
 
 
 def test_an_effect_of_size_zero_changes_nothing():

@@ -1,5 +1,7 @@
 """What the diagnosis compiles."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -32,3 +34,27 @@ def test_compiled_blocks_call_no_library(nonlinear):
         assert "while" in text
         for library in ("lapack", "custom_call", "stablehlo.fft", "cholesky", "triangular_solve"):
             assert library not in text
+
+
+def test_programs_compiled_ahead_are_those_that_are_called(monkeypatch):
+    effects = CATALOGUE[2:4]
+    batch, numbers = stacked([measured(settings())] * 2), numbers_of(effects)
+    start = engine.base_start(batch)
+    pairs = [(0, -1), (1, -1)]
+    own = engine.run_fits(batch, [0, 1], pairs, start, numbers, effects)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    with engine.compiled_ahead(batch, numbers, effects):
+        assert (engine._fit_block, False) in engine._pending
+        ahead = engine.run_fits(batch, [0, 1], pairs, start, numbers, effects)
+        assert (engine._fit_block, False) not in engine._pending
+    assert not engine._pending
+    np.testing.assert_array_equal(ahead.x, own.x)
+
+
+def test_what_fails_ahead_fails_where_it_is_called(monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    effects = (CATALOGUE[2]._replace(change=lambda c, size: c._replace(nothing=size)),)
+    batch, numbers = stacked([measured(settings())]), numbers_of(effects)
+    start = engine.base_start(batch)
+    with engine.compiled_ahead(batch, numbers, effects), pytest.raises(ValueError, match="nothing"):
+        engine.run_fits(batch, [0], [(0, -1)], start, numbers, effects)

@@ -134,8 +134,8 @@ def test_the_form_recorded_gives_the_circuit_of_the_free_inlet():
 
 
 def test_a_forcing_leads_at_the_inlet_alone_or_beside():
-    nowhere, there = np.zeros((7, 2, 2, 4)), np.zeros((7, 2, 2, 4))
-    there[4] = 5.0
+    nowhere, there = np.zeros((2, len(FORCED), 2, 2, 4))
+    there[FORCED.index("inlet")] = 5.0
     assert leads(there, {})
     assert leads(nowhere, {("a",): there, ("b",): nowhere})
     assert not leads(nowhere, {("a",): there, ("b",): there[::-1] + 9.0})

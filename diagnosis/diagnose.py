@@ -186,7 +186,7 @@ def _forcings(
         [b for b, _ in jobs],
         [h for _, h in jobs],
         np.array([fit.x for fit in fitted]),
-        np.array([fit.exact for fit in fitted]),
+        np.array([fit.kinds for fit in fitted]),
         numbers,
         effects,
         progress=progress,

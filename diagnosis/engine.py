@@ -22,6 +22,7 @@ from jaxtyping import Array, Float, Int
 from diagnosis.colour import coloured
 from diagnosis.effects import Effect
 from diagnosis.forcing import forcing_evidence
+from diagnosis.form_columns import KINDS
 from diagnosis.hypothesis import FITTED, Catalogue, Fitted, fit_hypothesis
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
@@ -50,7 +51,7 @@ def _block(job: Callable[..., Any]) -> Callable[..., Any]:
         records: Measured,
         pairs: Int[Array, "j 2"],
         x: Float[Array, "j k"],
-        *more: Float[Array, " j"],
+        *more: Float[Array, "j ..."],
         numbers: Catalogue,
         effects: tuple[Effect, ...],
         nonlinear: bool,
@@ -111,7 +112,7 @@ def compiled_ahead(
     plan: list[tuple[Any, tuple, bool]] = [
         (_fit_block, (records, pairs, x, shaped()), False),
         (_scan_block, (records, x, shaped(len(effects))), False),
-        (_force_block, (records, pairs, x, shaped()), False),
+        (_force_block, (records, pairs, x, shaped(len(KINDS))), False),
     ]
     if any(effect.nonlinear for effect in effects):
         plan.insert(1, (_fit_block, (records, pairs, x, shaped()), True))
@@ -247,7 +248,7 @@ def run_forcings(
     record: Sequence[int] | np.ndarray,
     pairs: Sequence[tuple[int, int]] | np.ndarray,
     x: np.ndarray,
-    exact: np.ndarray,
+    kinds: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     *,
@@ -255,11 +256,11 @@ def run_forcings(
 ) -> np.ndarray:
     """Ln Z of a free forcing at every place beside hypothesis `pairs[j]` of record `record[j]`.
 
-    The fit of each job gave x and the probability that its equations are exact.
+    The fit of each job gave x and the probabilities of what its equations are.
     """
     force = partial(_force_block, numbers=numbers, effects=effects)
     counted = partial(progress, "looking for what is not in the catalogue")
-    return _by_kind(force, batch, record, pairs, (x, exact), effects, counted)
+    return _by_kind(force, batch, record, pairs, (x, kinds), effects, counted)
 
 
 def run_predictions(

@@ -5,9 +5,12 @@ e = W (y − f(x)) + J x and columns F of a further Gaussian uncertainty,
 
     e ~ N(0, I + F Fᵀ + J Jᵀ),      ln Z = −½ eᵀ C⁻¹ e − ½ ln|C|     (+ ln 2Φ(m/s) if one-sided),
 
-m and s being posterior mean and sd of the size. F is block diagonal over conditions. Two kinds:
+m and s being posterior mean and sd of the size. F is block diagonal over conditions, but for
+columns whose coefficients conditions share. Three kinds:
 
 * form tolerance of an effect, F = W ρ diag(|Δf|) B, |Δf| its local change of the prediction;
+* a bed of another structure, the same with the change |Δf| by the muscle's squeeze; nine tenths of
+  its variance have coefficients that all conditions share;
 * a free smooth forcing at a place of the circuit, F = W a (∂f/∂forcing) B: "not in the catalogue".
 
 B holds the first harmonics weighted by the spectrum of exp(−2 sin²(πΔ)/(2πℓ)²). Data are the real
@@ -23,7 +26,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import log_ndtr
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from diagnosis.measured import correlation
 from lumped.elimination import schur_complement, solve_with_log_det
@@ -150,3 +153,12 @@ def posterior_of_products(
         log_Z = log_Z + jnp.sum(one_sided * (jnp.log(2.0) + log_ndtr(mean / sd)))
     misfit = ee - Je @ mean - mean @ mean
     return Posterior(log_Z, mean, covariance, misfit)
+
+
+def log_prior_of_sizes(
+    after: Posterior, pair: Int[Array, " 2"], sided: Float[Array, " k"]
+) -> Float[Array, ""]:
+    """Ln of the factors E[φ²]/s² of a hypothesis's sizes, see `effects`."""
+    variance = jnp.diagonal(after.covariance)
+    moments = log_moment(after.mean[-2:], variance[-2:], sided[-2:])
+    return jnp.sum(jnp.where(pair >= 0, moments, 0.0))

@@ -32,16 +32,22 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, Float, Int
 
 from diagnosis import circuit
 from diagnosis.circuit import FORCED, as_harmonics
 from diagnosis.effects import Effect
-from diagnosis.evidence import absorbed, posterior_of_products, smooth_scale, split
+from diagnosis.evidence import (
+    absorbed,
+    log_prior_of_sizes,
+    posterior_of_products,
+    smooth_scale,
+    split,
+)
+from diagnosis.form_columns import Freedom
 from diagnosis.hypothesis import (
     Catalogue,
-    form_uncertainty,
-    log_prior_of_sizes,
+    likeliest_freedom,
     one_sided_unknowns,
     sensor_model,
 )
@@ -76,7 +82,7 @@ def forcing_evidence(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
-    exact: Float[ArrayLike, ""] = 0.0,
+    kinds: Float[Array, " 3"],
     *,
     nonlinear: bool,
 ) -> Float[Array, "p s l a"]:
@@ -88,17 +94,16 @@ def forcing_evidence(
         numbers: of the catalogue.
         pair: positions of the hypothesis's effects, −1 for none.
         x: its posterior mean, standardised.
-        exact: probability that its equations are exact. The likelier kind is computed, and the
-            other one counted with the ratio that both have without a forcing.
+        kinds: probabilities of what its equations are. The likeliest kind is computed, and the
+            others counted with the ratios that they have without a forcing.
         nonlinear: whether any of them makes the ostium nonlinear (static).
     """
     sided = one_sided_unknowns(measured, numbers, pair)
     beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
     W, data, cases = whitener_of(measured), data_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    form = form_uncertainty(measured, effects, numbers, pair, x, exact, nonlinear=nonlinear)
-    exact = jnp.asarray(exact)
-    other_kind = -jnp.log(2.0 * jnp.maximum(exact, 1.0 - exact))
+    freedom = likeliest_freedom(measured, effects, numbers, pair, x, kinds, nonlinear=nonlinear)
+    other_kinds = -jnp.log(kinds.shape[0] * jnp.max(kinds))
     none = jnp.zeros(circuit.HARMONICS - FORCING_HARMONICS)
 
     def shown(case: ConditionSettings, own: Array, place: Array, c: Array) -> Array:
@@ -125,7 +130,7 @@ def forcing_evidence(
             """The mean with the likeliest of the forcings, and all evidences."""
             value, J, F = jax.vmap(slopes, (0, 0, 0, None))(W, cases, chooser @ x, place)
             J = jnp.einsum("cdo,cok->cdk", J, chooser)
-            log_Z, means = forcing_mixture(form, F, J, W(data) - value + J @ x, pair, sided)
+            log_Z, means = forcing_mixture(freedom, F, J, W(data) - value + J @ x, pair, sided)
             mean = means[jnp.argmax(log_Z)]
             return jnp.where(sided > 0.5, jnp.maximum(mean, 0.0), mean), log_Z
 
@@ -133,12 +138,12 @@ def forcing_evidence(
         return jax.lax.scan(about, inside, length=PASSES)[1][-1]
 
     found = jax.lax.map(at_place, jnp.arange(len(FORCED)))
-    found = jnp.where(jnp.isfinite(found), found + other_kind, -jnp.inf)
+    found = jnp.where(jnp.isfinite(found), found + other_kinds, -jnp.inf)
     return found.reshape(len(FORCED), len(CONDITION_CORRELATIONS), len(LENGTHS), len(AMPLITUDES))
 
 
 def forcing_mixture(
-    form: Float[Array, "c d f"],
+    freedom: Freedom,
     F: Float[Array, "c d m"],
     J: Float[Array, "c d k"],
     e: Float[Array, "c d"],
@@ -148,17 +153,19 @@ def forcing_mixture(
     """Ln Z and posterior mean for every correlation, length and amplitude of a forcing.
 
     Args:
-        form: columns of the form tolerance, whitened.
+        freedom: of the equations, whitened.
         F: response to the forcing's coefficients, whitened.
         J: derivative by the unknowns, whitened.
         e: residual plus J x, whitened.
         pair: positions of the effects, −1 for none.
         sided: 1 for unknowns that only exist above zero.
     """
-    m, k = F.shape[-1], J.shape[-1]
-    columns = jnp.concatenate([form, F, J, e[..., None]], axis=-1)
+    alike_count = freedom.shared.shape[-1]
+    m, k = F.shape[-1], alike_count + J.shape[-1]
+    sided = jnp.concatenate([jnp.zeros(alike_count), sided])
+    columns = jnp.concatenate([freedom.own, F, freedom.shared, J, e[..., None]], axis=-1)
     products = jnp.einsum("cdm,cdl->cml", columns, columns)
-    products, form_volume = jax.vmap(lambda one: absorbed(one, form.shape[-1]))(products)
+    products, form_volume = jax.vmap(lambda one: absorbed(one, freedom.own.shape[-1]))(products)
     ones = np.ones(k + 1)
     table = [
         (s, np.concatenate([scale, ones]))
@@ -178,6 +185,6 @@ def forcing_mixture(
         left, shared_volume = absorbed(jnp.sum(left, 0) * root[:, None] * root[None, :], m)
         volume = jnp.sum(form_volume) + jnp.sum(own_volume) + shared_volume
         after = posterior_of_products(*split(left), volume, sided)
-        return after.log_evidence + log_prior_of_sizes(after, pair, sided), after.mean
+        return after.log_evidence + log_prior_of_sizes(after, pair, sided), after.mean[alike_count:]
 
     return jax.lax.map(lambda args: one(*args), (alike, weight))

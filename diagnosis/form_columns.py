@@ -1,4 +1,6 @@
-"""Columns F of the form tolerance: how uncertain equations spread over the data, see `evidence`."""
+"""Freedom of uncertain equations: columns of the data along which they may err, see `evidence`."""
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES
-from diagnosis.evidence import absorbed, smooth_scale
+from diagnosis.evidence import Posterior, Whitened, absorbed, posterior, smooth_scale
 from diagnosis.measured import Whitener, correlation
 
 FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
@@ -14,6 +16,40 @@ FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
 
 FORM_SHIFT = 0.06
 """Uncertainty of the time at which an effect acts [beats]."""
+
+
+KINDS = ("exact", "guessed", "guessed, in a bed of another structure")
+"""What the equations of a hypothesis may be, each as likely: the base model's bed and the form of
+the effects; a guessed form in that bed; a guessed form in a bed whose structure is guessed too."""
+
+
+class Freedom(NamedTuple):
+    """Freedom of uncertain equations, as columns of data with standard normal coefficients.
+
+    Attributes:
+        own: columns F whose coefficients each condition has for itself.
+        shared: columns whose coefficients all conditions share.
+    """
+
+    own: Float[Array, "*b c d m"]
+    shared: Float[Array, "*b c d m"]
+
+    def posterior(self, linear: Whitened, sided: Float[Array, " k"]) -> Posterior:
+        """Evidence and posterior of the unknowns of a linearised hypothesis, the freedom apart."""
+        m = self.shared.shape[-1]
+        J = jnp.concatenate([self.shared, linear.J], axis=-1)
+        sided = jnp.concatenate([jnp.zeros(m), sided])
+        after = posterior(Whitened(linear.e, J), self.own, sided)
+        return after._replace(mean=after.mean[m:], covariance=after.covariance[m:, m:])
+
+    def misfits(self, residuals: Float[Array, "t c d"]) -> Float[Array, " t"]:
+        """Σ rᵀ C⁻¹ r of several residuals, C being noise and freedom together."""
+        m, s = self.own.shape[-1], self.shared.shape[-1]
+        columns = [self.own, self.shared, jnp.moveaxis(residuals, 0, -1)]
+        columns = jnp.concatenate(columns, axis=-1)
+        products = jnp.einsum("cdm,cdl->cml", columns, columns)
+        left, _ = jax.vmap(lambda one: absorbed(one, m))(products)
+        return jnp.diagonal(absorbed(jnp.sum(left, axis=0), s)[0])
 
 
 def form_columns(
@@ -45,11 +81,3 @@ def form_columns(
     own = jax.vmap(jnp.diag)(jnp.sqrt(scalar_power))
     F = F.at[:, n_sensors * rows :, n_sensors * m :].set(own)
     return W.columns(F)
-
-
-def without_form(residuals: Float[Array, "t c d"], F: Float[Array, "c d m"]) -> Float[Array, " t"]:
-    """Σ rᵀ (I + F Fᵀ)⁻¹ r over the conditions, of several residuals."""
-    columns = jnp.concatenate([F, jnp.moveaxis(residuals, 0, -1)], axis=-1)
-    products = jnp.einsum("cdm,cdl->cml", columns, columns)
-    left, _ = jax.vmap(lambda one: absorbed(one, F.shape[-1]))(products)
-    return jnp.diagonal(jnp.sum(left, axis=0))

@@ -20,11 +20,14 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from diagnosis.circuit import SensorSpectra
 from diagnosis.descent import descend
 from diagnosis.effects import SCALE, Effect, bounded_size
-from diagnosis.evidence import Posterior, Whitened, log_moment, posterior
-from diagnosis.form_columns import form_columns, without_form
+from diagnosis.evidence import Whitened
+from diagnosis.form_columns import Freedom, form_columns
+from diagnosis.likeliest_kind import likeliest_kind
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
+    SHARED,
+    TRANSMISSION_SD,
     ConditionSettings,
     as_waves,
     condition_settings,
@@ -34,11 +37,21 @@ from diagnosis.prediction import (
     selection,
 )
 
-REFINED = 3
-"""Points at which a fit is linearised: its optimum, then two posterior means."""
+_REFINED = np.array([1, 2, 2])
+"""Points at which a fit is linearised: its optimum, then posterior means with the freedom of a
+guessed form, and of a bed of another structure as well. Which of both leads to the next point."""
+
+BED_FORM = 0.1
+"""Relative uncertainty of what the muscle's squeeze does to the signals: a bed has several layers,
+whose pressures, compliances and volumes differ, and the base model has one; assumed."""
+
+BED_ALIKE = 0.9
+"""Correlation of this error between conditions; assumed."""
 
 BOTH = np.ones(2)
 """Shares of both effects of a hypothesis."""
+
+_TRANSMISSION = SHARED.index("transmission")
 
 FITTED = np.nan
 """In place of a fixed size: the size is an unknown of the fit."""
@@ -50,7 +63,7 @@ class Fitted(NamedTuple):
     Attributes:
         x: posterior mean, standardised: unknowns of the base model and two sizes.
         log_evidence: ln Z up to a constant of the record.
-        exact: probability that its equations are exact, against guessed ones.
+        kinds: probabilities of what its equations are, of `KINDS`.
         chi2: Σ of squared whitened residuals.
         misfit: the same in units of noise and form tolerance together.
         cost: least |W (y − f)|² + |x|², without form tolerance.
@@ -64,7 +77,7 @@ class Fitted(NamedTuple):
 
     x: Float[Array, "*b k"]
     log_evidence: Float[Array, "*b"]
-    exact: Float[Array, "*b"]
+    kinds: Float[Array, "*b 3"]
     chi2: Float[Array, "*b"]
     misfit: Float[Array, "*b"]
     cost: Float[Array, "*b"]
@@ -141,19 +154,23 @@ def fit_hypothesis(
         value, J = slopes(inside)
         return inside, Whitened(observed - value + J @ inside, J)
 
-    def refined(x: Array, _: None) -> tuple[Array, tuple[Array, Whitened, Array, Array]]:
+    def refined(x: Array, kind: Array) -> tuple[Array, tuple[Array, Whitened, Freedom, Array]]:
         """The posterior mean, with the uncertainty of the equations, of the model about x."""
         inside, linear = about(x)
         own = uncertain_signals(
             measured, effects, numbers, pair, inside, fixed_size, nonlinear=nonlinear
         )
-        F = own.columns(W)
-        return posterior(linear, F, sided).mean, (inside, linear, F, own.waves)
+        kinds = own.freedoms(W)
+        after = _of_kind(kinds, kind).posterior(linear, sided)
+        return after.mean, (inside, linear, kinds, own.waves)
 
     # the optimum assumes exact equations: iterate the posterior mean with their uncertainty; that
     # of the last point is not used, but one loop compiles in half the time of three calls
-    _, (points, linears, every_F, every_waves) = jax.lax.scan(refined, optimum, length=REFINED)
-    found = _likelier(points, linears, every_F[-2], pair, sided)
+    _, (points, linears, freedoms, every_waves) = jax.lax.scan(
+        refined, optimum, jnp.asarray(_REFINED)
+    )
+    freedoms = jax.tree.map(lambda a: a[-2], freedoms)
+    found = likeliest_kind(points, linears, freedoms, pair, sided)
     x, waves = points[found.at], every_waves[found.at]
     sd = jnp.sqrt(jnp.diagonal(found.after.covariance)[k:])
     sd = sd * (places_of(numbers, pair) @ numbers.sd)
@@ -162,67 +179,8 @@ def fit_hypothesis(
     log_Z = jnp.where(sound, found.log_Z, -jnp.inf)
     x = x.at[k].set(jnp.where(jnp.isnan(fixed_size), x[k], fixed_size))
     sizes = effect_sizes(numbers, pair, x[k:])
-    residual, exact = found.residual, found.exact
-    return Fitted(x, log_Z, exact, chi2, found.misfit, cost, residual, sizes, sd, waves, sound)
-
-
-class _Likelier(NamedTuple):
-    """A hypothesis with exact or with guessed equations, whichever is likelier.
-
-    Attributes:
-        at: position of its point.
-        after: posterior there.
-        residual: whitened residuals there.
-        misfit: see `Fitted`.
-        log_Z: evidence of both.
-        exact: see `Fitted`.
-    """
-
-    at: Int[Array, ""]
-    after: Posterior
-    residual: Float[Array, "c d"]
-    misfit: Float[Array, ""]
-    log_Z: Float[Array, ""]
-    exact: Float[Array, ""]
-
-
-def _likelier(
-    points: Float[Array, "t k"],
-    linears: Whitened,
-    F: Float[Array, "c d m"],
-    pair: Int[Array, " 2"],
-    sided: Float[Array, " k"],
-) -> _Likelier:
-    """Evidence of a hypothesis whose equations are exact or guessed, which is as likely.
-
-    Guessed equations alone would count against a strong effect: the volume of their freedom grows
-    with it, though the record shows that the form fits.
-
-    Args:
-        points: the optimum of exact equations, then posterior means of guessed ones.
-        linears: the model about each.
-        F: columns of the form tolerance.
-        pair: positions of the effects, −1 for none.
-        sided: 1 for unknowns that only exist above zero.
-    """
-    residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
-    misfits = without_form(residuals, F)
-    each = misfits + jnp.sum(points**2, axis=1)
-    best = jnp.argmin(jnp.where(jnp.isfinite(each), each, jnp.inf))
-
-    def judged(at: Array | int, F: Array | None) -> tuple[Posterior, Array]:
-        after = posterior(jax.tree.map(lambda a: a[at], linears), F, sided)
-        log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
-        return after, jnp.where(jnp.isfinite(log_Z), log_Z, -jnp.inf)
-
-    (exact, log_exact), (guessed, log_guessed) = judged(0, None), judged(best, F)
-    sharp = log_exact > log_guessed
-    at = jnp.where(sharp, 0, best)
-    after = jax.tree.map(lambda a, b: jnp.where(sharp, a, b), exact, guessed)
-    misfit = jnp.where(sharp, jnp.sum(residuals[0] ** 2), misfits[best])
-    log_Z = jnp.logaddexp(log_exact, log_guessed) - jnp.log(2.0)
-    p = jnp.exp(log_exact - jnp.logaddexp(log_exact, log_guessed))
-    return _Likelier(at, after, residuals[at], misfit, log_Z, p)
+    residual, kinds = found.residual, found.kinds
+    return Fitted(x, log_Z, kinds, chi2, found.misfit, cost, residual, sizes, sd, waves, sound)
 
 
 def places_of(numbers: Catalogue, pair: Int[Array, " 2"]) -> Float[Array, "2 e"]:
@@ -274,54 +232,56 @@ def sensor_model(
     return beat
 
 
-def log_prior_of_sizes(
-    after: Posterior, pair: Int[Array, " 2"], sided: Float[Array, " k"]
-) -> Float[Array, ""]:
-    """Ln of the factors E[φ²]/s² of a hypothesis's sizes, see `effects`."""
-    variance = jnp.diagonal(after.covariance)
-    moments = log_moment(after.mean[-2:], variance[-2:], sided[-2:])
-    return jnp.sum(jnp.where(pair >= 0, moments, 0.0))
-
-
 class UncertainSignals(NamedTuple):
     """Signals of the sensors, and how uncertain equations make them, see `evidence`.
 
     Attributes:
         waves: predicted signals of the sensors, conditions × 3 sensors × samples
             [dyn/cm², cm³/s].
-        power: variance of the signals [their units squared].
+        power: variance of the signals [their units squared] by a guessed form, and by a bed of
+            another structure.
         scalar_power: variance of the last four data.
         n_sensors: number of sensors with a waveform.
     """
 
     waves: Float[Array, "c 3 n"]
-    power: Float[Array, "c 3 n"]
-    scalar_power: Float[Array, "c 4"]
+    power: Float[Array, "2 c 3 n"]
+    scalar_power: Float[Array, "2 c 4"]
     n_sensors: int
 
-    def columns(self, W: Whitener) -> Float[Array, "c d m"]:
-        """Columns F, whitened."""
-        return form_columns(W, self.power, self.scalar_power, self.n_sensors)
+    def freedoms(self, W: Whitener) -> Freedom:
+        """Freedom of every kind of equations, whitened, along a leading axis."""
+        # parts of form and bed: own ones of the three kinds, then what conditions share
+        parts = jnp.asarray([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0 - BED_ALIKE], [0.0, BED_ALIKE]])
+
+        def columns(part: Array) -> Array:
+            power = jnp.tensordot(part, self.power, 1)
+            return form_columns(W, power, jnp.tensordot(part, self.scalar_power, 1), self.n_sensors)
+
+        found = jax.lax.map(columns, parts)
+        return Freedom(found[:3], found[np.array([0, 0, 3])])
 
 
-def form_uncertainty(
+def _of_kind(freedoms: Freedom, kind: Int[Array, ""]) -> Freedom:
+    return jax.tree.map(lambda a: a[kind], freedoms)
+
+
+def likeliest_freedom(
     measured: Measured,
     effects: Sequence[Effect],
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
-    exact: Float[ArrayLike, ""] = 0.0,
+    kinds: Float[Array, " 3"],
     *,
     nonlinear: bool,
-) -> Float[Array, "c d m"]:
-    """Whitened columns F of the uncertainty of the equations of a hypothesis.
+) -> Freedom:
+    """Freedom of the likeliest kind of equations of a hypothesis, whitened.
 
-    Arguments are those of `fit_hypothesis`, x its optimum, and the probability that its equations
-    are exact: F is zero where it is above one half.
+    Arguments are those of `fit_hypothesis`, x its optimum, and the probabilities of the kinds.
     """
     uncertain = uncertain_signals(measured, effects, numbers, pair, x, nonlinear=nonlinear)
-    F = uncertain.columns(whitener_of(measured))
-    return jnp.where(jnp.asarray(exact) > 0.5, 0.0, F)
+    return _of_kind(uncertain.freedoms(whitener_of(measured)), jnp.argmax(kinds))
 
 
 def uncertain_signals(
@@ -343,17 +303,22 @@ def uncertain_signals(
     beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
     tolerances = places_of(numbers, pair) @ numbers.tolerance
 
-    def signals(share: Array) -> tuple[Array, Array]:
-        seen = jax.vmap(partial(beat, share=share))(cases, own)
+    def signals(share: Array, squeeze: Array) -> tuple[Array, Array]:
+        unlike = own.at[:, _TRANSMISSION].set(
+            jnp.where(squeeze > 0.5, own[:, _TRANSMISSION], -1.0 / TRANSMISSION_SD)
+        )
+        seen = jax.vmap(partial(beat, share=share))(cases, unlike)
         return jax.vmap(as_waves)(seen), jax.vmap(lambda b: observations(b, n)[-4:])(seen)
 
-    # with both effects, without the first, without the second
-    shares = jnp.asarray(np.array([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0]]))
-    waves, scalars = jax.vmap(signals)(shares)
+    # with both effects, without the first, without the second; with both, without the squeeze
+    shares = jnp.asarray(np.array([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]]))
+    squeezes = jnp.asarray(np.array([1.0, 1.0, 1.0, 0.0]))
+    waves, scalars = jax.vmap(signals)(shares, squeezes)
 
     def power(signal: Array) -> Array:
         change = signal[:1] - signal[1:]
-        return jnp.einsum("s,sc...->c...", tolerances**2, change**2)
+        form = jnp.einsum("s,sc...->c...", tolerances**2, change[:2] ** 2)
+        return jnp.stack([form, BED_FORM**2 * change[2] ** 2])
 
     return UncertainSignals(waves[0], power(waves), power(scalars), n)
 

@@ -5,9 +5,9 @@ condition c given the others is the difference of two evidences,
 
     ln p(y_c | y_others) = ln Z(all) − ln Z(all but c).
 
-The freedom of an effect's form widens what it predicts in each condition anew. Where the data
-follow the form more closely than that, the freedom alone would make the effect predict worse than
-no gap does: the density is that with the freedom or without it, whichever is larger.
+The freedom of guessed equations widens what they predict in each condition anew. Where the data
+follow an effect's form more closely than that, the freedom alone would make the effect predict
+worse than no gap does: the density is that of the kind of equations for which it is largest.
 
 Held-out conditions are revealed here alone, after the fit: ln p(held out | fitted). A named effect
 has to predict them no worse than no gap does; without held-out data, every condition is left out in
@@ -25,11 +25,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from diagnosis.effects import Effect
-from diagnosis.evidence import Whitened, posterior
+from diagnosis.evidence import Whitened, log_prior_of_sizes
+from diagnosis.form_columns import KINDS, Freedom
 from diagnosis.hypothesis import (
     Catalogue,
     by_condition,
-    log_prior_of_sizes,
     one_sided_unknowns,
     sensor_model,
     uncertain_signals,
@@ -81,27 +81,29 @@ def predictive_density(
     value, J = by_condition(seen, cases, jnp.asarray(chooser))(inside)
     uncertain = uncertain_signals(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
 
-    def linear_of(record: Measured, freedom: Array) -> tuple[Whitened, Array]:
+    def linear_of(record: Measured, kind: Array) -> tuple[Whitened, Freedom]:
         W = whitener_of(record)
         slopes = W.columns(J)
         e = W(data_of(record) - value) + slopes @ inside
-        return Whitened(e, slopes), freedom * uncertain.columns(W)
+        freedom = jax.tree.map(lambda a: a[kind], uncertain.freedoms(W))
+        return Whitened(e, slopes), freedom
 
-    def log_Z(linear: Whitened, F: Array, used: Array) -> Array:
+    def log_Z(linear: Whitened, freedom: Freedom, used: Array) -> Array:
         kept = Whitened(linear.e * used[:, None], linear.J * used[:, None, None])
-        after = posterior(kept, F * used[:, None, None], sided)
+        here = jax.tree.map(lambda a: a * used[:, None, None], freedom)
+        after = here.posterior(kept, sided)
         return after.log_evidence + log_prior_of_sizes(after, pair, sided)
 
     C = measured.n_conditions
 
-    def densities(freedom: Array) -> tuple[Array, Array]:
-        fitted, revealed = linear_of(measured, freedom), linear_of(shown, freedom)
+    def densities(kind: Array) -> tuple[Array, Array]:
+        fitted, revealed = linear_of(measured, kind), linear_of(shown, kind)
         # a condition of which nothing counts adds nothing: its whitened data are zero
         given = log_Z(*fitted, jnp.ones(C))
         without = jax.vmap(lambda k: log_Z(*fitted, 1.0 - k))(jnp.eye(C))
         return log_Z(*revealed, jnp.ones(C)) - given, (given - without) * (1.0 - measured.held_out)
 
-    held_out, left_out = jax.vmap(densities)(jnp.array([0.0, 1.0]))
+    held_out, left_out = jax.lax.map(densities, jnp.arange(len(KINDS)))
     return Predicted(
         jnp.where(jnp.sum(measured.held_out) > 0.5, jnp.max(held_out), 0.0),
         left_out[jnp.argmax(jnp.sum(left_out, axis=1))],

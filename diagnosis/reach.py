@@ -26,10 +26,10 @@ from scipy.stats import chi2
 
 from diagnosis.effects import Effect
 from diagnosis.engine import QUICK_TO_COMPILE
-from diagnosis.evidence import Whitened, posterior
+from diagnosis.evidence import Whitened
 from diagnosis.hypothesis import (
     Catalogue,
-    form_uncertainty,
+    likeliest_freedom,
     numbers_of,
     one_sided_unknowns,
     sensor_model,
@@ -98,7 +98,7 @@ def reach(diagnosis: Diagnosis) -> Reach:
     nonlinear = any(effect.nonlinear for effect in effects)
     covariance = partial(_covariance, record, effects, numbers, nonlinear=nonlinear)
     before, after = (
-        np.asarray(covariance(jnp.asarray(pair), jnp.asarray(fit.x), jnp.asarray(fit.exact)))
+        np.asarray(covariance(jnp.asarray(pair), jnp.asarray(fit.x), jnp.asarray(fit.kinds)))
         for pair, fit in zip(own, fits, strict=True)
     )
     learnt = 1.0 - float(before[_R0, _R0])
@@ -138,11 +138,11 @@ def _covariance(
     numbers: Catalogue,
     pair: Int[Array, " 2"],
     x: Float[Array, " k"],
-    exact: Float[Array, ""],
+    kinds: Float[Array, " 3"],
     *,
     nonlinear: bool,
 ) -> Float[Array, "k k"]:
-    """Posterior covariance of a hypothesis about its fit; arguments as of `form_uncertainty`."""
+    """Posterior covariance of a hypothesis about its fit; arguments as of `likeliest_freedom`."""
     W, cases = whitener_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
@@ -152,6 +152,8 @@ def _covariance(
     sided = one_sided_unknowns(measured, numbers, pair)
     inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
     value, J = slopes(inside)
-    F = form_uncertainty(measured, effects, numbers, pair, inside, exact, nonlinear=nonlinear)
+    freedom = likeliest_freedom(
+        measured, effects, numbers, pair, inside, kinds, nonlinear=nonlinear
+    )
     residual = W(data_of(measured)) - value
-    return posterior(Whitened(residual + J @ inside, J), F, sided).covariance
+    return freedom.posterior(Whitened(residual + J @ inside, J), sided).covariance

@@ -19,12 +19,13 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from benchmarks.blind.diagnoses import diagnoses_of
 from diagnosis import CATALOGUE, Diagnosis, Effect
+from diagnosis.form_columns import Freedom
 from diagnosis.hypothesis import (
     Catalogue,
-    form_uncertainty,
     numbers_of,
     places_of,
     sensor_model,
+    uncertain_signals,
 )
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
@@ -38,7 +39,19 @@ SHOWN = 3
 """Hypotheses compared in each record, the likeliest ones."""
 
 
-_form = jax.jit(form_uncertainty, static_argnames=("effects", "nonlinear"))
+@partial(jax.jit, static_argnames=("effects", "nonlinear"))
+def _freedoms(
+    record: Measured,
+    effects: tuple[Effect, ...],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    *,
+    nonlinear: bool,
+) -> Freedom:
+    """Freedom of every kind of equations."""
+    own = uncertain_signals(record, effects, numbers, pair, x, nonlinear=nonlinear)
+    return own.freedoms(whitener_of(record))
 
 
 @partial(jax.jit, static_argnames=("effects", "nonlinear"))
@@ -48,7 +61,7 @@ def _sampled(
     x: Float[Array, " k"],
     numbers: Catalogue,
     key: PRNGKeyArray,
-    whitener: Float[Array, "c d d"],
+    whitener: Float[Array, "n n"],
     *,
     effects: tuple[Effect, ...],
     nonlinear: bool,
@@ -61,12 +74,10 @@ def _sampled(
     def residual(x: Array) -> Array:
         """Residuals in units of noise and form tolerance together."""
 
-        def one(
-            W: Whitener, data: Array, case: ConditionSettings, own: Array, whitener: Array
-        ) -> Array:
-            return whitener @ W(data - observations(predicted(case, own), record.n_sensors))
+        def one(W: Whitener, data: Array, case: ConditionSettings, own: Array) -> Array:
+            return W(data - observations(predicted(case, own), record.n_sensors))
 
-        return jax.vmap(one)(W, data, cases, chooser @ x, whitener).reshape(-1)
+        return whitener @ jax.vmap(one)(W, data, cases, chooser @ x).reshape(-1)
 
     k = x.shape[0]
     J = jax.jacfwd(residual)(x)
@@ -102,26 +113,33 @@ def sampled_log_evidence(
 ) -> tuple[float, float]:
     """Ln Z of a fitted hypothesis by importance sampling, and the least effective number of draws.
 
-    As in a fit, equations of effects are exact or guessed, which is as likely.
+    As in a fit, equations are of each of `KINDS`, which are as likely.
     """
     record, effects = diagnosis.record, diagnosis.acting[hypothesis]
     numbers, bent = numbers_of(effects), any(effect.nonlinear for effect in effects)
     pair = jnp.asarray(np.array([*range(len(effects)), -1, -1][:2]))
     x = jnp.asarray(np.asarray(diagnosis.fits[hypothesis].x))
-    guessed = np.asarray(_form(record, effects, numbers, pair, x, nonlinear=bent))
+    freedoms = _freedoms(record, effects, numbers, pair, x, nonlinear=bent)
     log_Z, effective = [], []
-    for F in (guessed, np.zeros_like(guessed)):
+    for own, shared in zip(*map(np.asarray, freedoms), strict=True):
         # factorised once by NumPy, so that no library is called beside the draws
-        factor = np.linalg.cholesky(np.eye(F.shape[1]) + F @ F.swapaxes(1, 2))
+        C, d, _ = own.shape
+        whole = shared.reshape(C * d, -1)
+        covariance = np.eye(C * d) + whole @ whole.T
+        for c in range(C):
+            at = slice(c * d, (c + 1) * d)
+            covariance[at, at] += own[c] @ own[c].T
+        factor = np.linalg.cholesky(covariance)
         whitener = jnp.asarray(np.linalg.inv(factor))
         found, draws = _sampled(
             record, pair, x, numbers, jax.random.key(seed), whitener,
             effects=effects, nonlinear=bent,
         )  # fmt: skip
-        log_volume = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum()
+        log_volume = np.log(np.diag(factor)).sum()
         log_Z.append(float(found) - float(log_volume))
         effective.append(float(draws))
-    return float(np.logaddexp(*log_Z) - np.log(2.0)), min(effective)
+    mean = float(np.logaddexp.reduce(log_Z) - np.log(len(log_Z)))
+    return mean, min(effective)
 
 
 def sample_folder(folder: pathlib.Path, richness: str, count: int) -> str:

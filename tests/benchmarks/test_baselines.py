@@ -166,7 +166,7 @@ def fake_fit(record, rng, names):
     J, G = rng.standard_normal((C, d, k)), rng.standard_normal((C, d, F))
     one, blank_sizes = jnp.zeros(()), jnp.zeros(F)
     fitted = Fitted(
-        x=jnp.zeros(k + 2), log_evidence=one, exact=one, chi2=one, misfit=one, cost=one,
+        x=jnp.zeros(k + 2), log_evidence=one, kinds=jnp.ones(3), chi2=one, misfit=one, cost=one,
         residual=jnp.asarray(e), sizes=blank_sizes, size_sd=jnp.zeros(2),
         waves=jnp.asarray(shown(C)), sound=jnp.asarray(True),
     )  # fmt: skip

@@ -10,6 +10,7 @@ from diagnosis.forcing import (
     LENGTHS,
     forcing_mixture,
 )
+from diagnosis.form_columns import Freedom
 from lumped import MMHG
 
 
@@ -20,15 +21,19 @@ def test_a_forcing_beside_a_cause_matches_the_dense_gaussian():
     e, J = rng.normal(size=(C, d)), rng.normal(size=(C, d, k))
     m = 2 * FORCING_HARMONICS + 1
     F, form = 0.3 / MMHG * rng.normal(size=(C, d, m)), 0.3 * rng.normal(size=(C, d, 5))
+    alike = 0.3 * rng.normal(size=(C, d, 5))
     pair, sided = jnp.array([-1, -1]), jnp.zeros(k)
-    a, b, c, y = (jnp.asarray(v) for v in (form, F, J, e))
-    log_Z, _ = forcing_mixture(a, b, c, y, pair, sided)
+    a, s, b, c, y = (jnp.asarray(v) for v in (form, alike, F, J, e))
+    log_Z, means = forcing_mixture(Freedom(a, s), b, c, y, pair, sided)
+    assert means.shape == (log_Z.size, k)
+    wide = alike.reshape(C * d, -1)
     n = 0
     for s in CONDITION_CORRELATIONS:
         for length in LENGTHS:
             for amplitude in AMPLITUDES:
                 scaled = F * amplitude * smooth_scale(length, FORCING_HARMONICS)
                 cov = np.eye(C * d) + J.reshape(C * d, k) @ J.reshape(C * d, k).T
+                cov += wide @ wide.T
                 for a in range(C):
                     for b in range(C):
                         part = (s + (1.0 - s) * (a == b)) * scaled[a] @ scaled[b].T

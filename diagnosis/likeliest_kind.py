@@ -1,0 +1,72 @@
+"""Evidence of a hypothesis over what its equations may be, and its fit with the likeliest."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.scipy.special import logsumexp
+from jaxtyping import Array, Float, Int
+
+from diagnosis.evidence import Posterior, Whitened, log_prior_of_sizes
+from diagnosis.form_columns import KINDS, Freedom
+
+
+class LikeliestKind(NamedTuple):
+    """A hypothesis with the likeliest kind of equations.
+
+    Attributes:
+        at: position of its point.
+        after: posterior there.
+        residual: whitened residuals there.
+        misfit: see `hypothesis.Fitted`.
+        log_Z: evidence, the mean over the kinds.
+        kinds: probabilities of all kinds, of `KINDS`.
+    """
+
+    at: Int[Array, ""]
+    after: Posterior
+    residual: Float[Array, "c d"]
+    misfit: Float[Array, ""]
+    log_Z: Float[Array, ""]
+    kinds: Float[Array, " 3"]
+
+
+def likeliest_kind(
+    points: Float[Array, "t k"],
+    linears: Whitened,
+    freedoms: Freedom,
+    pair: Int[Array, " 2"],
+    sided: Float[Array, " k"],
+) -> LikeliestKind:
+    """Evidence of a hypothesis over the kinds of its equations.
+
+    Guessed equations alone would count against a strong effect: the volume of their freedom grows
+    with it, though the record shows that the form fits. Exact ones alone would count a bed of
+    another structure as an effect.
+
+    Args:
+        points: the optimum of exact equations, then posterior means of guessed ones.
+        linears: the model about each.
+        freedoms: of every kind.
+        pair: positions of the effects, −1 for none.
+        sided: 1 for unknowns that only exist above zero.
+    """
+    residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
+    squares = jnp.sum(points**2, axis=1)
+
+    def judged(exact: Array, freedom: Freedom) -> tuple[Array, Posterior, Array, Array]:
+        misfits = freedom.misfits(residuals)
+        each = jnp.where(jnp.isfinite(misfits), misfits + squares, jnp.inf)
+        at = jnp.where(exact, 0, jnp.argmin(each))
+        after = freedom.posterior(jax.tree.map(lambda a: a[at], linears), sided)
+        log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
+        return at, after, misfits[at], jnp.where(jnp.isfinite(log_Z), log_Z, -jnp.inf)
+
+    ats, afters, misfits, log_Z = jax.lax.map(
+        lambda given: judged(*given), (jnp.arange(len(KINDS)) == 0, freedoms)
+    )
+    best = jnp.argmax(log_Z)
+    at, after, misfit = jax.tree.map(lambda a: a[best], (ats, afters, misfits))
+    total = logsumexp(log_Z)
+    kinds = jnp.exp(log_Z - total)
+    return LikeliestKind(at, after, residuals[at], misfit, total - jnp.log(len(KINDS)), kinds)

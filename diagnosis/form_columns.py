@@ -32,7 +32,7 @@ class Freedom(NamedTuple):
     """
 
     own: Float[Array, "*b c d m"]
-    shared: Float[Array, "*b c d m"]
+    shared: Float[Array, "*b c d s"]
 
     def posterior(self, linear: Whitened, sided: Float[Array, " k"]) -> Posterior:
         """Evidence and posterior of the unknowns of a linearised hypothesis, the freedom apart."""
@@ -57,11 +57,20 @@ def form_columns(
     power: Float[Array, "c 3 n"],
     scalar_power: Float[Array, "c 4"],
     n_sensors: int,
+    *,
+    first: int = 0,
 ) -> Float[Array, "c d m"]:
     """Columns F of the form tolerance: smooth random waveforms about where the effects act.
 
     Their variance is the squared product of tolerance and change by the effect, averaged over
     neighbouring times: both strength and timing of an effect are uncertain.
+
+    Args:
+        W: whitener of the record.
+        power: variance of the signals [their units squared].
+        scalar_power: variance of the last four data.
+        n_sensors: number of sensors with a waveform.
+        first: the first of them that is uncertain (static).
     """
     lengths = [smooth_scale(length, FORM_HARMONICS) ** 2 for length in FORM_LENGTHS]
     scale = np.sqrt(np.mean(lengths, axis=0))
@@ -74,10 +83,12 @@ def form_columns(
     envelope = jnp.sqrt(power @ near.T)
     C, m = power.shape[0], basis.shape[1]
     rows = TO_SAMPLES.shape[1]
-    F = jnp.zeros((C, W.weight.shape[1], n_sensors * m + 4))
-    for s in range(n_sensors):
+    width = max(n_sensors - first, 0) * m
+    F = jnp.zeros((C, W.weight.shape[1], width + 4))
+    for s in range(first, n_sensors):
+        at = (s - first) * m
         block = jnp.einsum("qn,cn,nm->cqm", jnp.asarray(FROM_SAMPLES), envelope[:, s], basis)
-        F = F.at[:, s * rows : (s + 1) * rows, s * m : (s + 1) * m].set(block)
+        F = F.at[:, s * rows : (s + 1) * rows, at : at + m].set(block)
     own = jax.vmap(jnp.diag)(jnp.sqrt(scalar_power))
-    F = F.at[:, n_sensors * rows :, n_sensors * m :].set(own)
+    F = F.at[:, n_sensors * rows :, width:].set(own)
     return W.columns(F)

@@ -87,13 +87,6 @@ def shorter_squeeze(c: Circuit, size: Array) -> Circuit:
     return c._replace(P_LV=c.P_LV + jnp.asarray(_FALL) * early)
 
 
-def sharper_squeeze(c: Circuit, size: Array) -> Circuit:
-    """Ventricular pressure to the power 1 + φ, with the same peak, on the vessels."""
-    peak = jnp.max(c.P_LV)
-    part = jnp.maximum(c.P_LV / peak, 1e-3)
-    return c._replace(P_LV=c.P_LV * part**size)
-
-
 def narrowing_under_stress(c: Circuit, size: Array) -> Circuit:
     """Narrowing by the aortic pressure that stress alone brings."""
     wave = jnp.exp(c.stress * size * (c.P_inlet - P_NARROWING) / P_NARROWING)
@@ -194,7 +187,6 @@ FORMS: dict[str, tuple[Form, ...]] = {
     ),
     "intramyocardial_pump": (
         Form("late", "P_LV(t − φ T/10)", late_squeeze),
-        Form("sharper", "P_LV (P_LV/peak)^φ", sharper_squeeze),
     ),
     "dobutamine_inotropy": (
         Form("shorter", "P_LV(t + d φ T/10) once it falls", shorter_squeeze),

@@ -161,7 +161,7 @@ def fit_hypothesis(
             measured, effects, numbers, pair, inside, fixed_size, nonlinear=nonlinear
         )
         kinds = own.freedoms(W)
-        after = _of_kind(kinds, kind).posterior(linear, sided)
+        after = of_kind(kinds, kind).posterior(linear, sided)
         return after.mean, (inside, linear, kinds, own.waves)
 
     # the optimum assumes exact equations: iterate the posterior mean with their uncertainty; that
@@ -250,20 +250,24 @@ class UncertainSignals(NamedTuple):
     n_sensors: int
 
     def freedoms(self, W: Whitener) -> Freedom:
-        """Freedom of every kind of equations, whitened, along a leading axis."""
-        # parts of form and bed: own ones of the three kinds, then what conditions share
-        parts = jnp.asarray([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0 - BED_ALIKE], [0.0, BED_ALIKE]])
+        """Freedom of both kinds of guessed equations, whitened, along a leading axis."""
 
-        def columns(part: Array) -> Array:
+        def columns(part: Array, first: int = 0) -> Array:
+            """Columns of parts of form and bed."""
             power = jnp.tensordot(part, self.power, 1)
-            return form_columns(W, power, jnp.tensordot(part, self.scalar_power, 1), self.n_sensors)
+            scalars = jnp.tensordot(part, self.scalar_power, 1)
+            return form_columns(W, power, scalars, self.n_sensors, first=first)
 
-        found = jax.lax.map(columns, parts)
-        return Freedom(found[:3], found[np.array([0, 0, 3])])
+        own = jax.lax.map(columns, jnp.asarray([[1.0, 0.0], [1.0, 1.0 - BED_ALIKE]]))
+        # the squeeze changes nothing of the aortic pressure, the first sensor
+        shared = columns(jnp.asarray([0.0, BED_ALIKE]), first=1)
+        return Freedom(own, jnp.stack([jnp.zeros_like(shared), shared]))
 
 
-def _of_kind(freedoms: Freedom, kind: Int[Array, ""]) -> Freedom:
-    return jax.tree.map(lambda a: a[kind], freedoms)
+def of_kind(freedoms: Freedom, kind: Int[Array, ""]) -> Freedom:
+    """Freedom of one of `KINDS`: none where equations are exact."""
+    at = jnp.maximum(kind - 1, 0)
+    return jax.tree.map(lambda a: jnp.where(kind == 0, 0.0, a[at]), freedoms)
 
 
 def likeliest_freedom(
@@ -281,7 +285,7 @@ def likeliest_freedom(
     Arguments are those of `fit_hypothesis`, x its optimum, and the probabilities of the kinds.
     """
     uncertain = uncertain_signals(measured, effects, numbers, pair, x, nonlinear=nonlinear)
-    return _of_kind(uncertain.freedoms(whitener_of(measured)), jnp.argmax(kinds))
+    return of_kind(uncertain.freedoms(whitener_of(measured)), jnp.argmax(kinds))
 
 
 def uncertain_signals(

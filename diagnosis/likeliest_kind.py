@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float, Int
 
-from diagnosis.evidence import Posterior, Whitened, log_prior_of_sizes
+from diagnosis.evidence import Posterior, Whitened, log_prior_of_sizes, posterior
 from diagnosis.form_columns import KINDS, Freedom
 
 
@@ -47,24 +47,30 @@ def likeliest_kind(
     Args:
         points: the optimum of exact equations, then posterior means of guessed ones.
         linears: the model about each.
-        freedoms: of every kind.
+        freedoms: of both kinds of guessed equations.
         pair: positions of the effects, −1 for none.
         sided: 1 for unknowns that only exist above zero.
     """
     residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
     squares = jnp.sum(points**2, axis=1)
 
-    def judged(exact: Array, freedom: Freedom) -> tuple[Array, Posterior, Array, Array]:
-        misfits = freedom.misfits(residuals)
-        each = jnp.where(jnp.isfinite(misfits), misfits + squares, jnp.inf)
-        at = jnp.where(exact, 0, jnp.argmin(each))
-        after = freedom.posterior(jax.tree.map(lambda a: a[at], linears), sided)
+    def evidence(after: Posterior) -> Array:
         log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
-        return at, after, misfits[at], jnp.where(jnp.isfinite(log_Z), log_Z, -jnp.inf)
+        return jnp.where(jnp.isfinite(log_Z), log_Z, -jnp.inf)
 
-    ats, afters, misfits, log_Z = jax.lax.map(
-        lambda given: judged(*given), (jnp.arange(len(KINDS)) == 0, freedoms)
+    def about(at: Array | int) -> Whitened:
+        return jax.tree.map(lambda a: a[at], linears)
+
+    def guessed(freedom: Freedom) -> tuple[Array, Posterior, Array]:
+        misfits = freedom.misfits(residuals)
+        at = jnp.argmin(jnp.where(jnp.isfinite(misfits), misfits + squares, jnp.inf))
+        return at, freedom.posterior(about(at), sided), misfits[at]
+
+    exact = jnp.asarray(0), posterior(about(0), None, sided), jnp.sum(residuals[0] ** 2)
+    ats, afters, misfits = jax.tree.map(
+        lambda one, more: jnp.concatenate([one[None], more]), exact, jax.lax.map(guessed, freedoms)
     )
+    log_Z = jax.vmap(evidence)(afters)
     best = jnp.argmax(log_Z)
     at, after, misfit = jax.tree.map(lambda a: a[best], (ats, afters, misfits))
     total = logsumexp(log_Z)

@@ -30,6 +30,7 @@ from diagnosis.form_columns import KINDS, Freedom
 from diagnosis.hypothesis import (
     Catalogue,
     by_condition,
+    of_kind,
     one_sided_unknowns,
     sensor_model,
     uncertain_signals,
@@ -85,8 +86,7 @@ def predictive_density(
         W = whitener_of(record)
         slopes = W.columns(J)
         e = W(data_of(record) - value) + slopes @ inside
-        freedom = jax.tree.map(lambda a: a[kind], uncertain.freedoms(W))
-        return Whitened(e, slopes), freedom
+        return Whitened(e, slopes), of_kind(uncertain.freedoms(W), kind)
 
     def log_Z(linear: Whitened, freedom: Freedom, used: Array) -> Array:
         kept = Whitened(linear.e * used[:, None], linear.J * used[:, None, None])

@@ -19,10 +19,11 @@ from jaxtyping import Array, Float, Int, PRNGKeyArray
 
 from benchmarks.blind.diagnoses import diagnoses_of
 from diagnosis import CATALOGUE, Diagnosis, Effect
-from diagnosis.form_columns import Freedom
+from diagnosis.form_columns import KINDS, Freedom
 from diagnosis.hypothesis import (
     Catalogue,
     numbers_of,
+    of_kind,
     places_of,
     sensor_model,
     uncertain_signals,
@@ -51,7 +52,8 @@ def _freedoms(
 ) -> Freedom:
     """Freedom of every kind of equations."""
     own = uncertain_signals(record, effects, numbers, pair, x, nonlinear=nonlinear)
-    return own.freedoms(whitener_of(record))
+    freedoms = own.freedoms(whitener_of(record))
+    return jax.vmap(partial(of_kind, freedoms))(jnp.arange(len(KINDS)))
 
 
 @partial(jax.jit, static_argnames=("effects", "nonlinear"))

@@ -19,7 +19,11 @@ import numpy as np
 from benchmarks.blind.score import expected_calibration_error, wilson
 from benchmarks.foreign.regret import gap_closed, log_regret
 
-HELD = {"outside:distal_gain": "sensor_gain", "outside:damped_distal": "distal_damping"}
+HELD = {
+    "outside:distal_gain": "sensor_gain",
+    "outside:damped_distal": "distal_damping",
+    "outside:ringing_catheter": "catheter_damping",
+}
 """Kinds outside the generators' list that the catalogue of effects holds."""
 
 WAVEFORM = "aortic_waveform"

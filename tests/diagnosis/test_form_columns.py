@@ -10,10 +10,10 @@ from diagnosis import diagnose, measured
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.evidence import Whitened
 from diagnosis.form_columns import KINDS, Freedom
-from diagnosis.hypothesis import numbers_of, uncertain_signals
+from diagnosis.hypothesis import numbers_of, of_kind, uncertain_signals
 from diagnosis.measured import whitener_of
 from diagnosis.prediction import n_unknowns
-from tests.diagnosis.records import settings
+from tests.diagnosis.records import synthetic
 
 C, D, K, M, S = 3, 40, 4, 6, 5
 RNG = np.random.default_rng(8)
@@ -47,17 +47,18 @@ def test_misfits_are_in_units_of_noise_and_freedom_together():
 
 
 def test_only_a_bed_of_another_structure_gives_the_base_model_a_freedom():
-    record = measured(settings())
+    record = measured(synthetic({}, seed=4))
     x = jnp.zeros(n_unknowns(record) + 2)
     none = jnp.array([-1, -1])
     own = uncertain_signals(record, CATALOGUE, numbers_of(CATALOGUE), none, x, nonlinear=False)
     found = own.freedoms(whitener_of(record))
-    size = np.abs(np.asarray(found.own)).max(axis=(1, 2, 3))
-    alike = np.abs(np.asarray(found.shared)).max(axis=(1, 2, 3))
-    bed = KINDS.index("guessed, in a bed of another structure")
-    assert size[:bed].max() == alike[:bed].max() == 0.0
-    # nine tenths of the variance are shared
-    assert alike[bed] == pytest.approx(3.0 * size[bed], rel=1e-9)
+    (guessed, own_bed), (alike, alike_bed) = (np.abs(np.asarray(a)).max((1, 2, 3)) for a in found)
+    assert guessed == alike == 0.0 < own_bed
+    assert alike_bed == pytest.approx(3.0 * own_bed, rel=1e-9)  # nine tenths of the variance
+    both = np.arange(len(KINDS))
+    assert [float(np.abs(of_kind(found, jnp.asarray(k)).shared).max()) > 0.0 for k in both] == [
+        False, False, True,
+    ]  # fmt: skip
 
 
 @pytest.mark.slow

@@ -160,13 +160,12 @@ def forcing_mixture(
         pair: positions of the effects, −1 for none.
         sided: 1 for unknowns that only exist above zero.
     """
-    alike_count = freedom.shared.shape[-1]
-    m, k = F.shape[-1], alike_count + J.shape[-1]
-    sided = jnp.concatenate([jnp.zeros(alike_count), sided])
+    m, k = F.shape[-1], J.shape[-1]
+    rest = freedom.shared.shape[-1] + k + 1
     columns = jnp.concatenate([freedom.own, F, freedom.shared, J, e[..., None]], axis=-1)
     products = jnp.einsum("cdm,cdl->cml", columns, columns)
     products, form_volume = jax.vmap(lambda one: absorbed(one, freedom.own.shape[-1]))(products)
-    ones = np.ones(k + 1)
+    ones = np.ones(rest)
     table = [
         (s, np.concatenate([scale, ones]))
         for s in CONDITION_CORRELATIONS
@@ -177,14 +176,15 @@ def forcing_mixture(
     def one(s: Array, weight: Array) -> tuple[Array, Array]:
         scaled = products * (weight[:, None] * weight[None, :])[None]
         # first absorb each condition's own part of the forcing, then the part common to all
-        root = jnp.concatenate([jnp.full(m, jnp.sqrt(1.0 - s)), jnp.ones(m + k + 1)])
-        twice = jnp.concatenate([jnp.arange(m), jnp.arange(m + k + 1)])
+        root = jnp.concatenate([jnp.full(m, jnp.sqrt(1.0 - s)), jnp.ones(m + rest)])
+        twice = jnp.concatenate([jnp.arange(m), jnp.arange(m + rest)])
         doubled = scaled[:, twice][:, :, twice] * (root[:, None] * root[None, :])[None]
         left, own_volume = jax.vmap(lambda one: absorbed(one, m))(doubled)
-        root = jnp.concatenate([jnp.full(m, jnp.sqrt(s)), jnp.ones(k + 1)])
-        left, shared_volume = absorbed(jnp.sum(left, 0) * root[:, None] * root[None, :], m)
+        root = jnp.concatenate([jnp.full(m, jnp.sqrt(s)), jnp.ones(rest)])
+        shared = jnp.sum(left, 0) * root[:, None] * root[None, :]
+        left, shared_volume = absorbed(shared, m + rest - k - 1)
         volume = jnp.sum(form_volume) + jnp.sum(own_volume) + shared_volume
         after = posterior_of_products(*split(left), volume, sided)
-        return after.log_evidence + log_prior_of_sizes(after, pair, sided), after.mean[alike_count:]
+        return after.log_evidence + log_prior_of_sizes(after, pair, sided), after.mean
 
     return jax.lax.map(lambda args: one(*args), (alike, weight))

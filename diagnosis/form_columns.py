@@ -8,7 +8,14 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES
-from diagnosis.evidence import Posterior, Whitened, absorbed, posterior, smooth_scale
+from diagnosis.evidence import (
+    Posterior,
+    Whitened,
+    absorbed,
+    posterior_of_products,
+    smooth_scale,
+    split,
+)
 from diagnosis.measured import Whitener, correlation
 
 FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
@@ -36,20 +43,21 @@ class Freedom(NamedTuple):
 
     def posterior(self, linear: Whitened, sided: Float[Array, " k"]) -> Posterior:
         """Evidence and posterior of the unknowns of a linearised hypothesis, the freedom apart."""
-        m = self.shared.shape[-1]
-        J = jnp.concatenate([self.shared, linear.J], axis=-1)
-        sided = jnp.concatenate([jnp.zeros(m), sided])
-        after = posterior(Whitened(linear.e, J), self.own, sided)
-        return after._replace(mean=after.mean[m:], covariance=after.covariance[m:, m:])
+        left, log_volume = self._absorbed(linear.J, linear.e[..., None])
+        return posterior_of_products(*split(left), log_volume, sided)
 
     def misfits(self, residuals: Float[Array, "t c d"]) -> Float[Array, " t"]:
         """Σ rᵀ C⁻¹ r of several residuals, C being noise and freedom together."""
+        return jnp.diagonal(self._absorbed(jnp.moveaxis(residuals, 0, -1))[0])
+
+    def _absorbed(self, *others: Float[Array, "c d _"]) -> tuple[Array, Array]:
+        """Inner products of other columns once the freedom is part of the noise, and ½ ln|C|."""
         m, s = self.own.shape[-1], self.shared.shape[-1]
-        columns = [self.own, self.shared, jnp.moveaxis(residuals, 0, -1)]
-        columns = jnp.concatenate(columns, axis=-1)
+        columns = jnp.concatenate([self.own, self.shared, *others], axis=-1)
         products = jnp.einsum("cdm,cdl->cml", columns, columns)
-        left, _ = jax.vmap(lambda one: absorbed(one, m))(products)
-        return jnp.diagonal(absorbed(jnp.sum(left, axis=0), s)[0])
+        left, own_volume = jax.vmap(lambda one: absorbed(one, m))(products)
+        left, volume = absorbed(jnp.sum(left, axis=0), s)
+        return left, jnp.sum(own_volume) + volume
 
 
 def form_columns(

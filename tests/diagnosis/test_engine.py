@@ -23,7 +23,7 @@ def test_compiled_blocks_call_no_library(nonlinear):
     how = {"numbers": numbers, "effects": CATALOGUE, "nonlinear": nonlinear}
     texts = [
         engine._fit_block.lower(batch, pairs, x, np.full(2, FITTED), **how).as_text(),
-        engine._force_block.lower(batch, pairs, x, **how).as_text(),
+        engine._force_block.lower(batch, pairs, x, np.ones((2, 3)), **how).as_text(),
     ]
     if nonlinear:
         sizes = np.zeros((2, len(CATALOGUE)))

@@ -139,8 +139,10 @@ def _diagnosed(
         single = single_fits(batch, base, scan, causes, numbers, forms, progress)
         log_B = np.asarray(single.log_evidence).reshape(B, F) - base.log_evidence[:, None]
         found = promising_pairs(batch, single, log_B, causes, numbers, forms, progress)
+        # the base model has no form to guess: what is not another bed is exact
+        exact = 1.0 - np.asarray(base.kinds)[:, -1]
         pairs = [
-            found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes))
+            found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes, exact[b]))
             for b in range(B)
         ]
         forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)

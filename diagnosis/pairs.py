@@ -85,16 +85,20 @@ class Pairs(NamedTuple):
 
 
 def scanned_gains(
-    log_B: Float[np.ndarray, " forms"], scan: Scan, causes: Causes
+    log_B: Float[np.ndarray, " forms"], scan: Scan, causes: Causes, exact: float = 1.0
 ) -> dict[tuple[int, int], float]:
-    """Gain of every pair of leading forms over its better half, by the scan about the base."""
+    """Gain of every pair of leading forms over its better half, by the scan about the base.
+
+    The scan takes equations as exact: where the base model's are guessed, with a probability
+    `exact` of less than one half, two effects would explain what its freedom does, and none gains.
+    """
     lead = causes.leaders(log_B)
     found = {}
     for a, i in enumerate(lead):
         for j in lead[a + 1 :]:
             first, second = (i, j) if log_B[i] >= log_B[j] else (j, i)
             gain = float(scan.pair_log_B[first, second] - scan.log_B[first])
-            found[int(first), int(second)] = gain
+            found[int(first), int(second)] = gain if exact > 0.5 else min(gain, 0.0)
     return found
 
 

@@ -98,14 +98,17 @@ def diagnose(
     numbers = numbers_of(forms, prior_scale)
     if batch.n_sensors:
         batch = with_power(batch)
-    found = _diagnosed(batch, effects, forms, numbers, progress)
+    with compiled_ahead(batch, numbers, forms):
+        found = _diagnosed(batch, effects, forms, numbers, progress)
     freed = np.array([b for b, d in enumerate(found) if needs_own_inlet(d)], int)
     if freed.size == 0:
         return [heeding_held_out(d) for d in found]
     own, sound = inlet_freed(_rows(batch, freed), numbers, forms, progress)
     if not np.any(sound):
         return [heeding_held_out(d) for d in found]
-    again = _diagnosed(_rows(own, np.flatnonzero(sound)), effects, forms, numbers, progress)
+    own = _rows(own, np.flatnonzero(sound))
+    with compiled_ahead(own, numbers, forms):
+        again = _diagnosed(own, effects, forms, numbers, progress)
     for b, d in zip(freed[sound], again, strict=True):
         found[b] = with_own_inlet(found[b], d)
     return [heeding_held_out(d) for d in found]
@@ -124,37 +127,36 @@ def _diagnosed(
     progress: ProgressCallback,
 ) -> list[Diagnosis]:
     """Diagnoses with the inlet as it is."""
-    with compiled_ahead(batch, numbers, forms):
-        causes = causes_of(effects, forms)
-        B, F = batch.period.shape[0], len(forms)
+    causes = causes_of(effects, forms)
+    B, F = batch.period.shape[0], len(forms)
 
-        batch, base = coloured_base_fits(batch, numbers, forms, progress)
-        if not np.all(base.sound):
-            bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
-            raise RuntimeError(
-                f"The base model could not be fitted to record(s) {bad} of the batch. Look for "
-                "implausible pressures or periods, or leave the record out."
-            )
-        scan = run_scans(batch, np.arange(B), np.asarray(base.x), np.zeros((B, F)), numbers, forms)
-        single = single_fits(batch, base, scan, causes, numbers, forms, progress)
-        log_B = np.asarray(single.log_evidence).reshape(B, F) - base.log_evidence[:, None]
-        found = promising_pairs(batch, single, log_B, causes, numbers, forms, progress)
-        # the base model has no form to guess: what is not another bed is exact
-        exact = 1.0 - np.asarray(base.kinds)[:, -1]
-        pairs = [
-            found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes, exact[b]))
-            for b in range(B)
-        ]
-        forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)
-        counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
-        drafts = [
-            _assembled(
-                batch, effects, forms, b, base, single, pairs[b], row_of(scan, b), forced[b],
-                int(counts[b]),
-            )
-            for b in range(B)
-        ]  # fmt: skip
-        return _checked(batch, drafts, numbers, forms, progress)
+    batch, base = coloured_base_fits(batch, numbers, forms, progress)
+    if not np.all(base.sound):
+        bad = ", ".join(str(k) for k in np.flatnonzero(~base.sound))
+        raise RuntimeError(
+            f"The base model could not be fitted to record(s) {bad} of the batch. Look for "
+            "implausible pressures or periods, or leave the record out."
+        )
+    scan = run_scans(batch, np.arange(B), np.asarray(base.x), np.zeros((B, F)), numbers, forms)
+    single = single_fits(batch, base, scan, causes, numbers, forms, progress)
+    log_B = np.asarray(single.log_evidence).reshape(B, F) - base.log_evidence[:, None]
+    found = promising_pairs(batch, single, log_B, causes, numbers, forms, progress)
+    # the base model has no form to guess: what is not another bed is exact
+    exact = 1.0 - np.asarray(base.kinds)[:, -1]
+    pairs = [
+        found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes, exact[b]))
+        for b in range(B)
+    ]
+    forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)
+    counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
+    drafts = [
+        _assembled(
+            batch, effects, forms, b, base, single, pairs[b], row_of(scan, b), forced[b],
+            int(counts[b]),
+        )
+        for b in range(B)
+    ]  # fmt: skip
+    return _checked(batch, drafts, numbers, forms, progress)
 
 
 def _forcings(

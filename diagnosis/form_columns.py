@@ -24,7 +24,6 @@ FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
 FORM_SHIFT = 0.06
 """Uncertainty of the time at which an effect acts [beats]."""
 
-
 KINDS = ("exact", "guessed", "guessed, in a bed of another structure")
 """What the equations of a hypothesis may be, each as likely: the base model's bed and the form of
 the effects; a guessed form in that bed; a guessed form in a bed whose structure is guessed too."""

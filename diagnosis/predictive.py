@@ -82,11 +82,11 @@ def predictive_density(
     value, J = by_condition(seen, cases, jnp.asarray(chooser))(inside)
     uncertain = uncertain_signals(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
 
-    def linear_of(record: Measured, kind: Array) -> tuple[Whitened, Freedom]:
+    def linear_of(record: Measured) -> tuple[Whitened, Freedom]:
         W = whitener_of(record)
         slopes = W.columns(J)
         e = W(data_of(record) - value) + slopes @ inside
-        return Whitened(e, slopes), of_kind(uncertain.freedoms(W), kind)
+        return Whitened(e, slopes), uncertain.freedoms(W)
 
     def log_Z(linear: Whitened, freedom: Freedom, used: Array) -> Array:
         kept = Whitened(linear.e * used[:, None], linear.J * used[:, None, None])
@@ -95,9 +95,10 @@ def predictive_density(
         return after.log_evidence + log_prior_of_sizes(after, pair, sided)
 
     C = measured.n_conditions
+    both = linear_of(measured), linear_of(shown)
 
     def densities(kind: Array) -> tuple[Array, Array]:
-        fitted, revealed = linear_of(measured, kind), linear_of(shown, kind)
+        fitted, revealed = ((linear, of_kind(freedoms, kind)) for linear, freedoms in both)
         # a condition of which nothing counts adds nothing: its whitened data are zero
         given = log_Z(*fitted, jnp.ones(C))
         without = jax.vmap(lambda k: log_Z(*fitted, 1.0 - k))(jnp.eye(C))

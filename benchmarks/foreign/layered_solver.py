@@ -8,9 +8,9 @@ import numpy as np
 from benchmarks.foreign.form import EffectForm
 from benchmarks.foreign.layered_bed import LayeredBed, LayerParameters, layer_parameters
 from benchmarks.foreign.layered_march import Law, LayeredCircuit, Tone
-from benchmarks.foreign.members import ForeignMember, ForeignRun, Solver
+from benchmarks.foreign.members import ForeignMember, ForeignRun, Solver, beat_pressures
 from benchmarks.foreign.patient import ForeignCondition
-from benchmarks.foreign.waves import BeatPlan, ventricle
+from benchmarks.foreign.waves import BeatPlan
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,7 +78,7 @@ def _solve(
     period = np.array([m.condition.period for m in members])
 
     def drive(phase: np.ndarray, beat: int) -> tuple[np.ndarray, np.ndarray]:
-        both = [_pressures(m, q, form, phase, beat) for m, q in zip(members, each, strict=True)]
+        both = [beat_pressures(m, q, form, phase, beat) for m, q in zip(members, each, strict=True)]
         P_ao, P_lv = (np.stack(part, axis=1) for part in zip(*both, strict=True))
         return P_ao, P_lv
 
@@ -97,21 +97,3 @@ def _solve(
         ForeignRun(count * T, x[:, 0, k], x[:, 2, k], x[:, 1, k], float(recorded * T))
         for k, T in enumerate(period)
     ]
-
-
-def _pressures(m: ForeignMember, plan: BeatPlan, form: EffectForm, phase: np.ndarray, beat: int):
-    """Aortic and ventricular pressure [mmHg] of a beat of a member; −1 is the mean beat."""
-    c = m.condition
-    high, low, after = c.P_systolic, c.P_diastolic, c.P_diastolic
-    if beat >= 0:
-        high, low, after = high + plan.high[beat], low + plan.low[beat], low + plan.low[beat + 1]
-        if form.beats is not None and m.on:
-            now, then = form.beats(beat, c), form.beats(beat + 1, c)
-            high, low, after = high + now[0], low + now[1], after + then[1]
-    P = plan.family(phase, high, low, after)
-    shape = ventricle(phase)
-    if m.on and form.inlet is not None:
-        P = form.inlet(phase, P, high, low, c)
-    if m.on and form.squeeze is not None:
-        shape = form.squeeze(phase, shape, c)
-    return P, high * shape

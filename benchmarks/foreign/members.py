@@ -115,7 +115,7 @@ def _pressures(
 
     def pressures(phase: np.ndarray, beat: int) -> tuple[np.ndarray, np.ndarray]:
         columns = [
-            _beat(m, plan, form, phase, beat)
+            beat_pressures(m, plan, form, phase, beat)
             for m, plan, form in zip(members, plans, forms, strict=True)
         ]
         P_ao, P_im = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
@@ -124,8 +124,10 @@ def _pressures(
     return pressures
 
 
-def _beat(member: ForeignMember, plan: BeatPlan, form: EffectForm, phase: np.ndarray, beat: int):
-    """Aortic and ventricular pressure of one beat of a member; −1 is the mean beat."""
+def beat_pressures(
+    member: ForeignMember, plan: BeatPlan, form: EffectForm, phase: np.ndarray, beat: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Aortic and ventricular pressure [mmHg] of a beat of a member; −1 is the mean beat."""
     c, mean = member.condition, beat < 0
     length = 1.0 if mean else float(plan.lengths[beat])
     high, low, after = c.P_systolic, c.P_diastolic, c.P_diastolic

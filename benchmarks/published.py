@@ -28,7 +28,7 @@ from jaxtyping import Array, Complex, Float
 from scipy.special import logsumexp
 
 from diagnosis import CATALOGUE, Diagnosis, Record, RecordedCondition, diagnose, measured, stacked
-from diagnosis.descent import descend
+from diagnosis.descent import at_start, descend
 from diagnosis.evidence import Whitened, posterior
 from diagnosis.verdict import PRIOR
 from jaxfsi.verification.nozzle import CONE, MU, NARROW, RHO, TAPS, THROAT, WIDE
@@ -303,7 +303,8 @@ def artery_rows(artery: Artery) -> list[dict[str, Any]]:
         def slopes(x: Array) -> tuple[Array, Array]:
             return shown(x), jax.jacfwd(shown)(x)
 
-        x, value, J = descend(slopes, data[None] / HARMONIC_SD_MMHG, jnp.zeros(3 + n))
+        x = descend(slopes, data[None] / HARMONIC_SD_MMHG, at_start(np.zeros(3 + n))).x
+        value, J = slopes(x)
         residual = data[None] / HARMONIC_SD_MMHG - value
         after = posterior(Whitened(residual + J @ x, J))
         return after.log_evidence, x, residual[0]

@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from calibration.damping import FIRST_GROWTH, next_damping
 from lumped.elimination import solve_definite
 
-ATOL = 3e-3
-"""Distance from the optimum, in posterior sd, that counts as none: evidence to 1e-5."""
+ATOL = 3e-2
+"""Distance from the optimum, in posterior sd, that counts as none: evidence to 1e-3."""
 
 MAX_STEPS = 40
 """Steps of a fit."""
@@ -29,23 +29,36 @@ START_DAMPING = 1e-3
 """First λ."""
 
 
-class Optimum(NamedTuple):
-    """Where a fit ended.
+class Descent(NamedTuple):
+    """How far a fit has come: it can be continued from here.
 
     Attributes:
-        x: the optimum.
-        value: f there.
-        J: its derivative there.
+        x: the best point yet.
+        cost: ½ (|data − f(x)|² + |x|²) there; infinite before the first step.
+        damping: λ of the next step.
+        growth: factor by which λ grows where that step is refused.
+        done: whether x is the optimum, or no step leads below it.
     """
 
-    x: Float[Array, " k"]
-    value: Float[Array, "c d"]
-    J: Float[Array, "c d k"]
+    x: Float[Array, "*b k"]
+    cost: Float[Array, "*b"]
+    damping: Float[Array, "*b"]
+    growth: Float[Array, "*b"]
+    done: Bool[Array, "*b"]
+
+
+def at_start(start: Float[ArrayLike, "*b k"]) -> Descent:
+    """A fit, or many, before the first step."""
+    start = jnp.asarray(start)
+    one = jnp.ones(start.shape[:-1])
+    return Descent(start, jnp.inf * one, START_DAMPING * one, FIRST_GROWTH * one, one < 0.0)
 
 
 class _State(NamedTuple):
     trial: Float[Array, " k"]
-    best: Optimum
+    best: Float[Array, " k"]
+    value: Float[Array, "c d"]
+    J: Float[Array, "c d k"]
     cost: Float[Array, ""]
     gain: Float[Array, ""]
     damping: Float[Array, ""]
@@ -57,14 +70,16 @@ class _State(NamedTuple):
 def descend(
     slopes: Callable[[Array], tuple[Array, Array]],
     data: Float[Array, "c d"],
-    start: Float[Array, " k"],
-) -> Optimum:
-    """The optimum of |data − f(x)|² + |x|², never above the start.
+    begun: Descent,
+    steps: Int[ArrayLike, ""] = MAX_STEPS,
+) -> Descent:
+    """Go towards the optimum of |data − f(x)|² + |x|², never above the start.
 
     Args:
         slopes: values of f, and their derivative, at x.
         data: what f should be.
-        start: first x; f must be finite there.
+        begun: where the fit stands; f must be finite there.
+        steps: evaluations of f, the first of them at the start.
     """
 
     def step(s: _State) -> _State:
@@ -72,22 +87,28 @@ def descend(
         cost = 0.5 * (jnp.sum((data - value) ** 2) + jnp.sum(s.trial**2))
         sound = jnp.isfinite(cost) & jnp.all(jnp.isfinite(J))
         taken = sound & (cost <= s.cost)
-        best = jax.tree.map(
-            lambda new, old: jnp.where(taken, new, old), Optimum(s.trial, value, J), s.best
+        best, value, J = jax.tree.map(
+            lambda new, old: jnp.where(taken, new, old),
+            (s.trial, value, J),
+            (s.best, s.value, s.J),
         )
         first = s.steps == 0
         ratio = jnp.where(sound & ~first, (s.cost - cost) / jnp.maximum(s.gain, 1e-300), 0.5)
-        following, growth = next_damping(s.damping, s.growth, taken, ratio)
-        damping = jnp.where(first, s.damping, following)
+        damping, growth = next_damping(s.damping, s.growth, taken, ratio)
+        damping, growth = jax.tree.map(
+            lambda new, old: jnp.where(first, old, new), (damping, growth), (s.damping, s.growth)
+        )
 
-        A = jnp.eye(start.shape[0]) + jnp.einsum("cdk,cdl->kl", best.J, best.J)
-        g = jnp.einsum("cdk,cd->k", best.J, data - best.value) - best.x
+        A = jnp.eye(best.shape[0]) + jnp.einsum("cdk,cdl->kl", J, J)
+        g = jnp.einsum("cdk,cd->k", J, data - value) - best
         scale = jnp.diag(A)
         dx = solve_definite(A + jnp.diag(damping * scale), g[:, None])[:, 0]
         gain = 0.5 * jnp.sum(dx * (g + damping * scale * dx))
         return _State(
-            trial=best.x + dx,
+            trial=best + dx,
             best=best,
+            value=value,
+            J=J,
             cost=jnp.where(taken, cost, s.cost),
             gain=gain,
             damping=damping,
@@ -96,16 +117,17 @@ def descend(
             done=(gain <= 0.5 * ATOL**2) | (damping > 1e12) | (first & ~sound),
         )
 
-    nothing = jnp.full(data.shape, jnp.nan)
-    none = Optimum(start, nothing, jnp.full((*data.shape, start.shape[0]), jnp.nan))
     state = _State(
-        trial=start,
-        best=none,
+        trial=begun.x,
+        best=begun.x,
+        value=jnp.full(data.shape, jnp.nan),
+        J=jnp.full((*data.shape, begun.x.shape[0]), jnp.nan),
         cost=jnp.asarray(jnp.inf),
         gain=jnp.ones(()),
-        damping=jnp.asarray(START_DAMPING),
-        growth=jnp.asarray(FIRST_GROWTH),
+        damping=jnp.asarray(begun.damping),
+        growth=jnp.asarray(begun.growth),
         steps=jnp.zeros((), int),
         done=jnp.asarray(False),
     )
-    return jax.lax.while_loop(lambda s: ~s.done & (s.steps < MAX_STEPS), step, state).best
+    end = jax.lax.while_loop(lambda s: ~s.done & (s.steps < steps), step, state)
+    return Descent(end.best, end.cost, end.damping, end.growth, end.done)

@@ -1,10 +1,10 @@
 """Compiled fits, scans and forcings over blocks of jobs.
 
 A job is one record with one hypothesis. Jobs run in blocks of `BLOCK`, the last one padded, so
-that all batch sizes and hypotheses share the same compiled code; within a block all fits take as
-many steps as the slowest.
+that all batch sizes and hypotheses share the same compiled code. Within a block all fits take as
+many steps as the slowest: after a few, those that are not done go on in blocks of their own.
 
-XLA compiles a program on one core. The first diagnosis of a process compiles five of them, side by
+XLA compiles a program on one core. The first diagnosis of a process compiles all of them, side by
 side (`compiled_ahead`); a call waits for its own.
 """
 
@@ -13,17 +13,18 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from diagnosis.colour import coloured
+from diagnosis.descent import at_start
 from diagnosis.effects import Effect
 from diagnosis.forcing import forcing_evidence
 from diagnosis.form_columns import KINDS
-from diagnosis.hypothesis import FITTED, Catalogue, Fitted, fit_hypothesis
+from diagnosis.hypothesis import FITTED, Catalogue, Fitted, fit_about, towards_optimum
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
 from diagnosis.predictive import Predicted, predictive_density
@@ -32,11 +33,20 @@ from diagnosis.scan import Scan, linearise, score_scan
 BLOCK = 16
 """Jobs advanced together; more exceed the caches of a CPU, fewer waste its vector units."""
 
+STEPS = (4, 4, 5, 7, 20)
+"""Steps of fits before those that are not done are gathered."""
+
+SAME = 0.2
+"""Distance of two optima that count as one [sd of the priors]."""
+
 QUICK_TO_COMPILE = {"xla_cpu_use_fusion_emitters": False}
 """Options of XLA for programs of this size: a third less time to compile, the same to run."""
 
 ProgressCallback = Callable[[str, int, int], None]
 """Called with the name of a step, the number of jobs done, 0 as it begins, and the total."""
+
+
+T = TypeVar("T")
 
 
 def no_progress(step: str, done: int, of: int) -> None:
@@ -50,21 +60,21 @@ def _block(job: Callable[..., Any]) -> Callable[..., Any]:
     def block(
         records: Measured,
         pairs: Int[Array, "j 2"],
-        x: Float[Array, "j k"],
-        *more: Float[Array, "j ..."],
+        *given: PyTree[Array],
         numbers: Catalogue,
         effects: tuple[Effect, ...],
         nonlinear: bool,
     ) -> Any:
-        def one(measured: Measured, pair: Array, x: Array, *more: Array) -> Any:
-            return job(measured, effects, numbers, pair, x, *more, nonlinear=nonlinear)
+        def one(measured: Measured, pair: Array, *given: PyTree[Array]) -> Any:
+            return job(measured, effects, numbers, pair, *given, nonlinear=nonlinear)
 
-        return jax.vmap(one)(records, pairs, x, *more)
+        return jax.vmap(one)(records, pairs, *given)
 
     return block
 
 
-_fit_block, _force_block = _block(fit_hypothesis), _block(forcing_evidence)
+_descend_block, _fit_block = _block(towards_optimum), _block(fit_about)
+_force_block = _block(forcing_evidence)
 _predict_block = _block(predictive_density)
 
 
@@ -109,13 +119,16 @@ def compiled_ahead(
     records = jax.tree.map(lambda leaf: shaped(*leaf.shape[1:], dtype=leaf.dtype), batch)
     pairs = shaped(2, dtype=int)
     x = shaped(n_unknowns(jax.tree.map(lambda leaf: leaf[0], batch)) + 2)
+    descent = (records, pairs, jax.eval_shape(at_start, x), shaped(), shaped(dtype=int))
     plan: list[tuple[Any, tuple, bool]] = [
+        (_descend_block, descent, False),
         (_fit_block, (records, pairs, x, shaped()), False),
         (_scan_block, (records, x, shaped(len(effects))), False),
         (_force_block, (records, pairs, x, shaped(len(KINDS))), False),
     ]
     if any(effect.nonlinear for effect in effects):
-        plan.insert(1, (_fit_block, (records, pairs, x, shaped()), True))
+        plan.insert(2, (_descend_block, descent, True))
+        plan.insert(3, (_fit_block, (records, pairs, x, shaped()), True))
     if batch.n_sensors:
         plan.append((_predict_block, (records, pairs, x), True))
     with ThreadPoolExecutor(min(cores, len(plan)), "compile-ahead") as pool:
@@ -143,11 +156,16 @@ def _compiled(program: Any, nonlinear: bool = False) -> None:
         begun.result()
 
 
+def _rows(arrays: T, at: np.ndarray) -> T:
+    """Some rows of arrays."""
+    return jax.tree.map(lambda leaf: leaf[at], arrays)
+
+
 def _in_blocks(
     function: Callable[..., Any],
     batch: Measured,
     record: np.ndarray,
-    arrays: Sequence[np.ndarray],
+    arrays: Sequence[PyTree[np.ndarray]],
     advance: Callable[[int], None],
 ) -> Any:
     """Call a function on blocks of jobs and join what it returns, as NumPy arrays."""
@@ -156,8 +174,8 @@ def _in_blocks(
     for first in range(0, record.size, BLOCK):
         at = np.arange(first, min(first + BLOCK, record.size))
         padded = np.concatenate([at, np.full(BLOCK - at.size, at[-1])])
-        chosen = jax.tree.map(lambda leaf, p=padded: leaf[record[p]], host)
-        found = function(chosen, *(a[padded] for a in arrays))
+        chosen = _rows(host, record[padded])
+        found = function(chosen, *_rows(arrays, padded))
         parts.append(jax.tree.map(lambda leaf, n=at.size: np.asarray(leaf)[:n], found))
         advance(at.size)
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
@@ -171,6 +189,7 @@ def run_fits(
     numbers: Catalogue,
     effects: tuple[Effect, ...],
     *,
+    further: Sequence[tuple[np.ndarray, np.ndarray]] = (),
     fixed_size: np.ndarray | None = None,
     step: str = "fitting",
     progress: ProgressCallback = no_progress,
@@ -184,49 +203,98 @@ def run_fits(
         starts: where each fit starts, standardised.
         numbers: of the catalogue.
         effects: the catalogue.
-        fixed_size: fixed size of the first effect of each job, see `fit_hypothesis`; None fits all.
+        further: positions of jobs that start elsewhere as well, and where; of several optima that
+            of most evidence counts.
+        fixed_size: fixed size of the first effect of each job, see `fit_about`; None fits all.
         step: name of this step for `progress`.
         progress: called after each block.
     """
-    fit = partial(_fit_block, numbers=numbers, effects=effects)
+    record, pairs = np.asarray(record, int), np.asarray(pairs, int).reshape(-1, 2)
     if fixed_size is None:
-        fixed_size = np.full(len(record), FITTED)
-    return _by_kind(
-        fit, batch, record, pairs, (starts, fixed_size), effects, partial(progress, step)
-    )
+        fixed_size = np.full(record.size, FITTED)
+    owner = np.concatenate([np.arange(record.size), *(at for at, _ in further)])
+    found = jax.tree.map(np.array, at_start(np.concatenate([starts, *(x for _, x in further)])))
+    whole, going = record.size, np.arange(owner.size)
+    calls = partial(_by_kind, batch=batch, numbers=numbers, effects=effects)
+
+    # a job counts one half at its optimum and one when its evidence is known
+    progress(step, 0, whole)
+    for steps in STEPS:
+        at = owner[going]
+        given = _rows(found, going), fixed_size[at], np.full(going.size, steps)
+        come = calls(_descend_block, record[at], pairs[at], given, lambda count: None)
+        for kept, new in zip(found, come, strict=True):
+            kept[going] = new
+        going = going[~come.done]
+        progress(step, (whole - np.unique(owner[going]).size) // 2, whole)
+        if going.size == 0:
+            break
+    at = _distinct(found.x, owner)
+    of = owner[at]
+    half = whole // 2
+
+    def second_half(step: str, done: int, jobs: int) -> None:
+        progress(step, half + done * (whole - half) // jobs, whole)
+
+    advance = _counted(second_half, step, of.size)
+    fits = calls(_fit_block, record[of], pairs[of], (found.x[at], fixed_size[of]), advance)
+    return _rows(fits, _likeliest(fits, of))
+
+
+def _distinct(x: np.ndarray, owner: np.ndarray) -> np.ndarray:
+    """Positions of the optima of every owner, each once, by owner."""
+    kept: dict[int, list[int]] = {}
+    for k, own in enumerate(owner):
+        before = x[kept.setdefault(int(own), [])]
+        if not np.any(np.all(np.abs(before - x[k]) < SAME, axis=-1)):
+            kept[int(own)].append(k)
+    return np.array([k for own in sorted(kept) for k in kept[own]], int)
+
+
+def _likeliest(fits: Fitted, owner: np.ndarray) -> np.ndarray:
+    """Of every owner the position of the fit with most evidence."""
+    order = np.lexsort([-np.where(fits.sound, fits.log_evidence, -np.inf), owner])
+    return order[np.unique(owner[order], return_index=True)[1]]
 
 
 def _by_kind(
-    function: partial[Any],
+    program: Any,
+    record: np.ndarray,
+    pairs: np.ndarray,
+    arrays: Sequence[PyTree[np.ndarray]],
+    advance: Callable[[int], None],
+    *,
     batch: Measured,
-    record: Sequence[int] | np.ndarray,
-    pairs: Sequence[tuple[int, int]] | np.ndarray,
-    arrays: tuple[np.ndarray, ...],
+    numbers: Catalogue,
     effects: tuple[Effect, ...],
-    progress: Callable[[int, int], None],
 ) -> Any:
-    """Call a function on jobs, separately for linear and nonlinear ostia."""
-    record, pairs = np.asarray(record, int), np.asarray(pairs, int).reshape(-1, 2)
+    """Call a program on jobs, separately for linear and nonlinear ostia."""
     bent = np.array([effect.nonlinear for effect in effects] + [False])
     kind = bent[pairs].any(axis=1)
-    parts, order, done = [], [], 0
-
-    def advance(count: int) -> None:
-        nonlocal done
-        done += count
-        progress(done, record.size)
-
-    advance(0)
+    parts, order = [], []
     for nonlinear in (False, True):
         at = np.flatnonzero(kind == nonlinear)
         if at.size:
-            _compiled(function.func, nonlinear)
-            called = partial(function, nonlinear=nonlinear)
-            own = [pairs[at], *(a[at] for a in arrays)]
+            _compiled(program, nonlinear)
+            called = partial(program, numbers=numbers, effects=effects, nonlinear=nonlinear)
+            own = [pairs[at], *_rows(arrays, at)]
             parts.append(_in_blocks(called, batch, record[at], own, advance))
             order.append(at)
     back = np.argsort(np.concatenate(order))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
+
+
+def _counted(progress: ProgressCallback, step: str, jobs: int) -> Callable[[int], None]:
+    """A function that reports that some more jobs are done; none is yet."""
+    done = 0
+
+    def advance(count: int) -> None:
+        nonlocal done
+        done += count
+        progress(step, done, jobs)
+
+    advance(0)
+    return advance
 
 
 def run_scans(
@@ -258,9 +326,12 @@ def run_forcings(
 
     The fit of each job gave x and the probabilities of what its equations are.
     """
-    force = partial(_force_block, numbers=numbers, effects=effects)
-    counted = partial(progress, "looking for what is not in the catalogue")
-    return _by_kind(force, batch, record, pairs, (x, kinds), effects, counted)
+    record, pairs = np.asarray(record, int), np.asarray(pairs, int).reshape(-1, 2)
+    counted = _counted(progress, "looking for what is not in the catalogue", record.size)
+    return _by_kind(
+        _force_block, record, pairs, (x, kinds), counted,
+        batch=batch, numbers=numbers, effects=effects,
+    )  # fmt: skip
 
 
 def run_predictions(
@@ -280,14 +351,7 @@ def run_predictions(
     _compiled(_predict_block, True)
     predict = partial(_predict_block, numbers=numbers, effects=effects, nonlinear=True)
     arrays = (np.asarray(pairs, int).reshape(-1, 2), x)
-    done = 0
-
-    def advance(count: int) -> None:
-        nonlocal done
-        done += count
-        progress("predicting conditions that were left out", done, len(record))
-
-    advance(0)
+    advance = _counted(progress, "predicting conditions that were left out", len(record))
     return _in_blocks(predict, batch, np.asarray(record, int), arrays, advance)
 
 
@@ -319,5 +383,5 @@ def coloured_base_fits(
     fits = base_fits(batch, base_start(batch), numbers, effects, progress)
     if batch.n_sensors and np.all(fits.sound):
         batch = coloured(batch, fits.residual)
-        fits = base_fits(batch, np.asarray(fits.x), numbers, effects, progress)
+        fits = base_fits(batch, np.asarray(fits.optimum), numbers, effects, progress)
     return batch, fits

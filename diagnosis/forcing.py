@@ -32,7 +32,7 @@ from collections.abc import Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
 from diagnosis import circuit
 from diagnosis.circuit import FORCED, as_harmonics
@@ -67,13 +67,21 @@ CONDITION_CORRELATIONS = (0.0, 0.9)
 FORCING_HARMONICS = 18
 """Harmonics of a forcing, besides the mean."""
 
-PASSES = 2
-"""Linearisations: about the optimum without a forcing, then about the mean with it."""
-
 
 def forcing_scales() -> list[Float[np.ndarray, " m"]]:
     """Prior standard deviations of a forcing's coefficients, by length and amplitude."""
     return [a * smooth_scale(length, FORCING_HARMONICS) for length in LENGTHS for a in AMPLITUDES]
+
+
+N_FORCINGS = len(CONDITION_CORRELATIONS) * len(LENGTHS) * len(AMPLITUDES)
+"""Number of correlations, lengths and amplitudes."""
+
+_MIDDLE = np.arange(N_FORCINGS) % len(AMPLITUDES) == 2
+_ORDER = np.argsort(~_MIDDLE, kind="stable")
+
+TRIED = np.array([_MIDDLE.sum(), N_FORCINGS])
+"""Forcings tried by linearisation: about the optimum without any those of a middle amplitude, then,
+about the mean with the likeliest of these, all."""
 
 
 def forcing_evidence(
@@ -126,16 +134,17 @@ def forcing_evidence(
         return W(value), J[:, :n_own], J[:, n_own:]
 
     def at_place(place: Array) -> Array:
-        def about(x: Array, _: None) -> tuple[Array, Array]:
+        def about(x: Array, tried: Array) -> tuple[Array, Array]:
             """The mean with the likeliest of the forcings, and all evidences."""
             value, J, F = jax.vmap(slopes, (0, 0, 0, None))(W, cases, chooser @ x, place)
             J = jnp.einsum("cdo,cok->cdk", J, chooser)
-            log_Z, means = forcing_mixture(freedom, F, J, W(data) - value + J @ x, pair, sided)
+            e = W(data) - value + J @ x
+            log_Z, means = forcing_mixture(freedom, F, J, e, pair, sided, tried)
             mean = means[jnp.argmax(log_Z)]
             return jnp.where(sided > 0.5, jnp.maximum(mean, 0.0), mean), log_Z
 
         inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
-        return jax.lax.scan(about, inside, length=PASSES)[1][-1]
+        return jax.lax.scan(about, inside, jnp.asarray(TRIED))[1][-1]
 
     found = jax.lax.map(at_place, jnp.arange(len(FORCED)))
     found = jnp.where(jnp.isfinite(found), found + other_kinds, -jnp.inf)
@@ -149,6 +158,7 @@ def forcing_mixture(
     e: Float[Array, "c d"],
     pair: Int[Array, " 2"],
     sided: Float[Array, " k"],
+    tried: Int[ArrayLike, ""] = N_FORCINGS,
 ) -> tuple[Float[Array, " n"], Float[Array, "n k"]]:
     """Ln Z and posterior mean for every correlation, length and amplitude of a forcing.
 
@@ -159,21 +169,16 @@ def forcing_mixture(
         e: residual plus J x, whitened.
         pair: positions of the effects, −1 for none.
         sided: 1 for unknowns that only exist above zero.
+        tried: how many of them, those of a middle amplitude first; −∞ stands for the others.
     """
     m, k = F.shape[-1], J.shape[-1]
     rest = freedom.shared.shape[-1] + k + 1
-    columns = jnp.concatenate([freedom.own, F, freedom.shared, J, e[..., None]], axis=-1)
-    products = jnp.einsum("cdm,cdl->cml", columns, columns)
-    products, form_volume = jax.vmap(lambda one: absorbed(one, freedom.own.shape[-1]))(products)
-    ones = np.ones(rest)
-    table = [
-        (s, np.concatenate([scale, ones]))
-        for s in CONDITION_CORRELATIONS
-        for scale in forcing_scales()
-    ]
-    alike, weight = (jnp.asarray(np.array(column)) for column in zip(*table, strict=True))
+    products, form_volume = freedom.own_absorbed(F, freedom.shared, J, e[..., None])
+    scales = np.tile(forcing_scales(), (len(CONDITION_CORRELATIONS), 1))
+    alike = np.repeat(CONDITION_CORRELATIONS, N_FORCINGS // len(CONDITION_CORRELATIONS))
 
-    def one(s: Array, weight: Array) -> tuple[Array, Array]:
+    def one(s: Array, scale: Array) -> tuple[Array, Array]:
+        weight = jnp.concatenate([scale, jnp.ones(rest)])
         scaled = products * (weight[:, None] * weight[None, :])[None]
         # first absorb each condition's own part of the forcing, then the part common to all
         root = jnp.concatenate([jnp.full(m, jnp.sqrt(1.0 - s)), jnp.ones(m + rest)])
@@ -187,4 +192,10 @@ def forcing_mixture(
         after = posterior_of_products(*split(left), volume, sided)
         return after.log_evidence + log_prior_of_sizes(after, pair, sided), after.mean
 
-    return jax.lax.map(lambda args: one(*args), (alike, weight))
+    def add(place: Array, found: tuple[Array, Array]) -> tuple[Array, Array]:
+        at = jnp.asarray(_ORDER)[place]
+        log_Z, mean = one(jnp.asarray(alike)[at], jnp.asarray(scales)[at])
+        return found[0].at[at].set(log_Z), found[1].at[at].set(mean)
+
+    none = jnp.full(N_FORCINGS, -jnp.inf), jnp.zeros((N_FORCINGS, k))
+    return jax.lax.fori_loop(0, tried, add, none)

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES
 from diagnosis.evidence import (
     Posterior,
     Whitened,
@@ -16,10 +15,14 @@ from diagnosis.evidence import (
     smooth_scale,
     split,
 )
+from diagnosis.harmonic_product import HarmonicProduct
 from diagnosis.measured import Whitener, correlation
+from diagnosis.resolution import HARMONICS
 
 FORM_LENGTHS, FORM_HARMONICS = (0.03, 0.06, 0.12), 14
 """Correlation lengths of the error of a guessed form [beats], and its number of harmonics."""
+
+_PRODUCT = HarmonicProduct(HARMONICS, FORM_HARMONICS)
 
 FORM_SHIFT = 0.06
 """Uncertainty of the time at which an effect acts [beats]."""
@@ -32,12 +35,18 @@ the effects; a guessed form in that bed; a guessed form in a bed whose structure
 class Freedom(NamedTuple):
     """Freedom of uncertain equations, as columns of data with standard normal coefficients.
 
+    Rows of data lie in groups g of one size r, each with columns of its own: one for every trace.
+    Of the last rows, those of the scalars, each has one coefficient. Where the noise correlates the
+    traces all rows are one group, and no scalar is left.
+
     Attributes:
-        own: columns F whose coefficients each condition has for itself.
-        shared: columns whose coefficients all conditions share.
+        own: columns whose coefficients each group of each condition has for itself.
+        scalars: standard deviations of the last data.
+        shared: columns of all rows whose coefficients all conditions share.
     """
 
-    own: Float[Array, "*b c d m"]
+    own: Float[Array, "*b c g r m"]
+    scalars: Float[Array, "*b c q"]
     shared: Float[Array, "*b c d s"]
 
     def posterior(self, linear: Whitened, sided: Float[Array, " k"]) -> Posterior:
@@ -51,51 +60,74 @@ class Freedom(NamedTuple):
 
     def _absorbed(self, *others: Float[Array, "c d _"]) -> tuple[Array, Array]:
         """Inner products of other columns once the freedom is part of the noise, and ½ ln|C|."""
-        m, s = self.own.shape[-1], self.shared.shape[-1]
-        columns = jnp.concatenate([self.own, self.shared, *others], axis=-1)
-        products = jnp.einsum("cdm,cdl->cml", columns, columns)
-        left, own_volume = jax.vmap(lambda one: absorbed(one, m))(products)
-        left, volume = absorbed(jnp.sum(left, axis=0), s)
+        left, own_volume = self.own_absorbed(self.shared, *others)
+        left, volume = absorbed(jnp.sum(left, axis=0), self.shared.shape[-1])
         return left, jnp.sum(own_volume) + volume
 
+    def own_absorbed(self, *others: Float[Array, "c d _"]) -> tuple[Array, Array]:
+        """By condition, the same once the freedom that each has for itself is part of the noise."""
+        C, g, r, m = self.own.shape
+        columns = jnp.concatenate(others, axis=-1)
+        traces = columns[:, : g * r].reshape(C, g, r, columns.shape[-1])
+        columns = columns[:, g * r :] / jnp.sqrt(1.0 + self.scalars**2)[..., None]
+        traces = jnp.concatenate([self.own, traces], axis=-1)
+        products = jnp.einsum("cgrm,cgrl->cgml", traces, traces)
+        left, volume = jax.vmap(jax.vmap(lambda one: absorbed(one, m)))(products)
+        of_scalars = jnp.einsum("cqm,cql->cml", columns, columns)
+        half_log = 0.5 * jnp.sum(jnp.log1p(self.scalars**2), axis=-1)
+        return jnp.sum(left, axis=1) + of_scalars, jnp.sum(volume, axis=1) + half_log
 
-def form_columns(
+    def dense(self) -> Float[Array, "c d n"]:
+        """All columns whose coefficients each condition has for itself."""
+        C, g, r, m = self.own.shape
+        q = self.scalars.shape[-1]
+        columns = jnp.zeros((C, g * r + q, g * m + q))
+        for k in range(g):
+            columns = columns.at[:, k * r : (k + 1) * r, k * m : (k + 1) * m].set(self.own[:, k])
+        return columns.at[:, g * r :, g * m :].set(jax.vmap(jnp.diag)(self.scalars))
+
+
+def form_freedom(
     W: Whitener,
-    power: Float[Array, "c 3 n"],
+    power: Float[Array, "c s n"],
     scalar_power: Float[Array, "c 4"],
-    n_sensors: int,
-    *,
-    first: int = 0,
-) -> Float[Array, "c d m"]:
-    """Columns F of the form tolerance: smooth random waveforms about where the effects act.
+    shared_power: Float[Array, "c s n"],
+    shared_scalar_power: Float[Array, "c 4"],
+) -> Freedom:
+    """Freedom of guessed equations: smooth random waveforms about where the effects act.
 
     Their variance is the squared product of tolerance and change by the effect, averaged over
     neighbouring times: both strength and timing of an effect are uncertain.
 
     Args:
         W: whitener of the record.
-        power: variance of the signals [their units squared].
-        scalar_power: variance of the last four data.
-        n_sensors: number of sensors with a waveform.
-        first: the first of them that is uncertain (static).
+        power: variance of the signals with a waveform that each condition has for itself [their
+            units squared].
+        scalar_power: that of the last four data.
+        shared_power: variance of what all conditions share; not in the first signal, the aortic
+            pressure.
+        shared_scalar_power: that of the last four data.
     """
+    own, shared = _columns(power), _columns(shared_power[:, 1:])
+    scalars, shared_scalars = jnp.sqrt(scalar_power), jnp.sqrt(shared_scalar_power)
+    C, S, r, m = own.shape
+    none = jnp.zeros((C, min(S, 1) * r, shared.shape[1] * m + scalars.shape[1]))
+    together = Freedom(shared, shared_scalars, shared).dense()
+    together = W.columns(jnp.concatenate([none, together], axis=1))
+    if W.modes is None:
+        weight = W.weight[:, : S * r].reshape(C, S, r, 1)
+        return Freedom(weight * own, W.weight[:, S * r :] * scalars, together)
+    every = W.columns(Freedom(own, scalars, together).dense())
+    return Freedom(every[:, None], jnp.zeros((C, 0)), together)
+
+
+def _columns(power: Float[Array, "c s n"]) -> Float[Array, "c s r m"]:
+    """Columns of smooth random waveforms of a variance, for every signal."""
     lengths = [smooth_scale(length, FORM_HARMONICS) ** 2 for length in FORM_LENGTHS]
     scale = np.sqrt(np.mean(lengths, axis=0))
-    size = TO_SAMPLES.shape[1] // 2
-    kept = np.r_[0 : FORM_HARMONICS + 1, size + 1 : size + 1 + FORM_HARMONICS]
-    basis = jnp.asarray(TO_SAMPLES[:, kept] * scale)
     near = correlation(FORM_SHIFT)
     near = jnp.asarray(near / near.sum(axis=1, keepdims=True))
     # the derivative of the root at zero is infinite, but nothing is differentiated here
-    envelope = jnp.sqrt(power @ near.T)
-    C, m = power.shape[0], basis.shape[1]
-    rows = TO_SAMPLES.shape[1]
-    width = max(n_sensors - first, 0) * m
-    F = jnp.zeros((C, W.weight.shape[1], width + 4))
-    for s in range(first, n_sensors):
-        at = (s - first) * m
-        block = jnp.einsum("qn,cn,nm->cqm", jnp.asarray(FROM_SAMPLES), envelope[:, s], basis)
-        F = F.at[:, s * rows : (s + 1) * rows, at : at + m].set(block)
-    own = jax.vmap(jnp.diag)(jnp.sqrt(scalar_power))
-    F = F.at[:, n_sensors * rows :, width:].set(own)
-    return W.columns(F)
+    return jax.vmap(jax.vmap(lambda wave: _PRODUCT(wave) * scale[None, :]))(
+        jnp.sqrt(power @ near.T)
+    )

@@ -18,10 +18,10 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from diagnosis.circuit import SensorSpectra
-from diagnosis.descent import descend
+from diagnosis.descent import Descent, descend
 from diagnosis.effects import SCALE, Effect, bounded_size
 from diagnosis.evidence import Whitened
-from diagnosis.form_columns import Freedom, form_columns
+from diagnosis.form_columns import Freedom, form_freedom
 from diagnosis.likeliest_kind import likeliest_kind
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import (
@@ -37,9 +37,10 @@ from diagnosis.prediction import (
     selection,
 )
 
-_REFINED = np.array([1, 2, 2])
+_REFINED = np.array([1, 2, 0])
 """Points at which a fit is linearised: its optimum, then posterior means with the freedom of a
-guessed form, and of a bed of another structure as well. Which of both leads to the next point."""
+guessed form, and of a bed of another structure as well. Position in `KINDS` of the equations that
+lead to the next point, 0 at the last."""
 
 BED_FORM = 0.1
 """Relative uncertainty of what the muscle's squeeze does to the signals: a bed has several layers,
@@ -62,6 +63,7 @@ class Fitted(NamedTuple):
 
     Attributes:
         x: posterior mean, standardised: unknowns of the base model and two sizes.
+        optimum: the same with exact equations, where the fit ended.
         log_evidence: ln Z up to a constant of the record.
         kinds: probabilities of what its equations are, of `KINDS`.
         chi2: Σ of squared whitened residuals.
@@ -76,6 +78,7 @@ class Fitted(NamedTuple):
     """
 
     x: Float[Array, "*b k"]
+    optimum: Float[Array, "*b k"]
     log_evidence: Float[Array, "*b"]
     kinds: Float[Array, "*b 3"]
     chi2: Float[Array, "*b"]
@@ -111,40 +114,73 @@ def numbers_of(effects: Sequence[Effect], prior_scale: float = 1.0) -> Catalogue
     )
 
 
-def fit_hypothesis(
+def towards_optimum(
     measured: Measured,
     effects: Sequence[Effect],
     numbers: Catalogue,
     pair: Int[Array, " 2"],
-    start: Float[Array, " k"],
+    begun: Descent,
+    fixed_size: Float[ArrayLike, ""],
+    steps: Int[ArrayLike, ""],
+    *,
+    nonlinear: bool,
+) -> Descent:
+    """Some steps of a fit with exact equations.
+
+    Arguments are those of `fit_about`, where the fit stands, and the number of steps.
+    """
+    slopes, observed = _whitened_model(
+        measured, effects, numbers, pair, fixed_size, nonlinear=nonlinear
+    )
+    return descend(slopes, observed, begun, steps)
+
+
+def _whitened_model(
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    fixed_size: Float[ArrayLike, ""],
+    *,
+    nonlinear: bool,
+) -> tuple[Callable[[Array], tuple[Array, Array]], Float[Array, "c d"]]:
+    """Whitened prediction and derivative of a hypothesis as a function of x, and the data."""
+    W, cases = whitener_of(measured), condition_settings(measured)
+    beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
+
+    def seen(case: ConditionSettings, own: Array) -> Array:
+        return observations(beat(case, own), measured.n_sensors)
+
+    chooser = jnp.asarray(selection(measured.n_conditions, 2))
+    return whitened_by_condition(seen, W, cases, chooser), W(data_of(measured))
+
+
+def fit_about(
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    optimum: Float[Array, " k"],
     fixed_size: Float[ArrayLike, ""] = FITTED,
     *,
     nonlinear: bool,
 ) -> Fitted:
-    """Fit one hypothesis to one record.
+    """Evidence and posterior of a hypothesis about the optimum of its fit.
 
     Args:
         measured: the record.
         effects: the catalogue (static).
         numbers: of the catalogue.
         pair: positions of the two effects, −1 for none.
-        start: where the fit starts, standardised.
+        optimum: of exact equations, standardised.
         fixed_size: fixed standardised size of the first effect, the evidence being conditional on
             it; or `FITTED`.
         nonlinear: whether any of the two makes the ostium nonlinear (static).
     """
-    k = n_unknowns(measured)
-    W, data, cases = whitener_of(measured), data_of(measured), condition_settings(measured)
-    chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
-
-    def seen(case: ConditionSettings, own: Array) -> Array:
-        return observations(beat(case, own), measured.n_sensors)
-
-    slopes = whitened_by_condition(seen, W, cases, chooser)
-    observed = W(data)
-    optimum, value, _ = descend(slopes, observed, start)
-    cost = jnp.sum((observed - value) ** 2) + jnp.sum(optimum**2)
+    k, W = n_unknowns(measured), whitener_of(measured)
+    slopes, observed = _whitened_model(
+        measured, effects, numbers, pair, fixed_size, nonlinear=nonlinear
+    )
     sided = one_sided_unknowns(measured, numbers, pair)
 
     def about(x: Array) -> tuple[Array, Whitened]:
@@ -154,33 +190,44 @@ def fit_hypothesis(
         value, J = slopes(inside)
         return inside, Whitened(observed - value + J @ inside, J)
 
-    def refined(x: Array, kind: Array) -> tuple[Array, tuple[Array, Whitened, Freedom, Array]]:
-        """The posterior mean, with the uncertainty of the equations, of the model about x."""
-        inside, linear = about(x)
-        own = uncertain_signals(
-            measured, effects, numbers, pair, inside, fixed_size, nonlinear=nonlinear
+    def with_freedom(linear: Whitened, x: Array, kind: Array) -> tuple[Array, Freedom]:
+        """Posterior mean of the linearised model with guessed equations, and their freedom."""
+        uncertain = uncertain_signals(
+            measured, effects, numbers, pair, x, fixed_size, nonlinear=nonlinear
         )
-        kinds = own.freedoms(W)
-        after = of_kind(kinds, kind).posterior(linear, sided)
-        return after.mean, (inside, linear, kinds, own.waves)
+        freedoms = uncertain.freedoms(W)
+        return of_kind(freedoms, kind).posterior(linear, sided).mean, freedoms
 
-    # the optimum assumes exact equations: iterate the posterior mean with their uncertainty; that
-    # of the last point is not used, but one loop compiles in half the time of three calls
-    _, (points, linears, freedoms, every_waves) = jax.lax.scan(
-        refined, optimum, jnp.asarray(_REFINED)
-    )
-    freedoms = jax.tree.map(lambda a: a[-2], freedoms)
+    def refined(x: Array, kind: Array) -> tuple[Array, tuple[Array, Whitened, Freedom]]:
+        inside, linear = about(x)
+        given = linear, inside, kind
+        nothing = jax.tree.map(
+            lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(with_freedom, *given)
+        )
+        mean, freedoms = jax.lax.cond(kind > 0, with_freedom, lambda *_: nothing, *given)
+        return mean, (inside, linear, freedoms)
+
+    # the optimum assumes exact equations: iterate the posterior mean with their uncertainty; one
+    # loop compiles in half the time of three calls
+    _, (points, linears, freedoms) = jax.lax.scan(refined, optimum, jnp.asarray(_REFINED))
+    freedoms = jax.tree.map(lambda a: a[1], freedoms)
     found = likeliest_kind(points, linears, freedoms, pair, sided)
-    x, waves = points[found.at], every_waves[found.at]
+    x = points[found.at]
+    beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
+    own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
+    waves = jax.vmap(lambda case, own: as_waves(beat(case, own)))(condition_settings(measured), own)
     sd = jnp.sqrt(jnp.diagonal(found.after.covariance)[k:])
     sd = sd * (places_of(numbers, pair) @ numbers.sd)
     chi2 = jnp.sum(found.residual**2)
     sound = jnp.isfinite(found.log_Z) & jnp.isfinite(chi2)
     log_Z = jnp.where(sound, found.log_Z, -jnp.inf)
+    cost = jnp.sum((linears.e[0] - linears.J[0] @ points[0]) ** 2) + jnp.sum(points[0] ** 2)
     x = x.at[k].set(jnp.where(jnp.isnan(fixed_size), x[k], fixed_size))
     sizes = effect_sizes(numbers, pair, x[k:])
     residual, kinds = found.residual, found.kinds
-    return Fitted(x, log_Z, kinds, chi2, found.misfit, cost, residual, sizes, sd, waves, sound)
+    return Fitted(
+        x, optimum, log_Z, kinds, chi2, found.misfit, cost, residual, sizes, sd, waves, sound
+    )
 
 
 def places_of(numbers: Catalogue, pair: Int[Array, " 2"]) -> Float[Array, "2 e"]:
@@ -213,7 +260,7 @@ def sensor_model(
 ) -> Callable[..., SensorSpectra]:
     """Signals of the sensors under a hypothesis, as a function of a condition and its unknowns.
 
-    Arguments are those of `fit_hypothesis`. The function takes `forced` as `predict` does, and
+    Arguments are those of `fit_about`. The function takes `forced` as `predict` does, and
     `share`, by which the two sizes are multiplied.
     """
     free = jnp.stack([jnp.isnan(fixed_size), jnp.asarray(True)])
@@ -236,32 +283,30 @@ class UncertainSignals(NamedTuple):
     """Signals of the sensors, and how uncertain equations make them, see `evidence`.
 
     Attributes:
-        waves: predicted signals of the sensors, conditions × 3 sensors × samples
-            [dyn/cm², cm³/s].
         power: variance of the signals [their units squared] by a guessed form, and by a bed of
             another structure.
         scalar_power: variance of the last four data.
         n_sensors: number of sensors with a waveform.
     """
 
-    waves: Float[Array, "c 3 n"]
     power: Float[Array, "2 c 3 n"]
     scalar_power: Float[Array, "2 c 4"]
     n_sensors: int
 
     def freedoms(self, W: Whitener) -> Freedom:
         """Freedom of both kinds of guessed equations, whitened, along a leading axis."""
+        n = self.n_sensors
+        form, bed = self.power[:, :, :n]
+        form_scalars, bed_scalars = self.scalar_power
 
-        def columns(part: Array, first: int = 0) -> Array:
-            """Columns of parts of form and bed."""
-            power = jnp.tensordot(part, self.power, 1)
-            scalars = jnp.tensordot(part, self.scalar_power, 1)
-            return form_columns(W, power, scalars, self.n_sensors, first=first)
+        def kind(other_bed: Array) -> Freedom:
+            own, alike = other_bed * (1.0 - BED_ALIKE), other_bed * BED_ALIKE
+            return form_freedom(
+                W, form + own * bed, form_scalars + own * bed_scalars,
+                alike * bed, alike * bed_scalars,
+            )  # fmt: skip
 
-        own = jax.lax.map(columns, jnp.asarray([[1.0, 0.0], [1.0, 1.0 - BED_ALIKE]]))
-        # the squeeze changes nothing of the aortic pressure, the first sensor
-        shared = columns(jnp.asarray([0.0, BED_ALIKE]), first=1)
-        return Freedom(own, jnp.stack([jnp.zeros_like(shared), shared]))
+        return jax.lax.map(kind, jnp.asarray([0.0, 1.0]))
 
 
 def of_kind(freedoms: Freedom, kind: Int[Array, ""]) -> Freedom:
@@ -282,7 +327,7 @@ def likeliest_freedom(
 ) -> Freedom:
     """Freedom of the likeliest kind of equations of a hypothesis, whitened.
 
-    Arguments are those of `fit_hypothesis`, x its optimum, and the probabilities of the kinds.
+    Arguments are those of `fit_about`, x its optimum, and the probabilities of the kinds.
     """
     uncertain = uncertain_signals(measured, effects, numbers, pair, x, nonlinear=nonlinear)
     return of_kind(uncertain.freedoms(whitener_of(measured)), jnp.argmax(kinds))
@@ -298,9 +343,9 @@ def uncertain_signals(
     *,
     nonlinear: bool,
 ) -> UncertainSignals:
-    """Signals under a hypothesis, with the uncertainty of its equations.
+    """Uncertainty of the signals by that of a hypothesis's equations.
 
-    Arguments are those of `fit_hypothesis`, and x its optimum.
+    Arguments are those of `fit_about`, and x its optimum.
     """
     own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
     cases, n = condition_settings(measured), measured.n_sensors
@@ -324,7 +369,7 @@ def uncertain_signals(
         form = jnp.einsum("s,sc...->c...", tolerances**2, change[:2] ** 2)
         return jnp.stack([form, BED_FORM**2 * change[2] ** 2])
 
-    return UncertainSignals(waves[0], power(waves), power(scalars), n)
+    return UncertainSignals(power(waves), power(scalars), n)
 
 
 def by_condition(

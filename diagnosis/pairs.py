@@ -140,7 +140,7 @@ def promising_pairs(
     starts = []
 
     def add(b: int, at: int, first: int, e: int, size: float) -> None:
-        start = np.asarray(single.x)[rows[at]].copy()
+        start = np.asarray(single.optimum)[rows[at]].copy()
         start[-1] = size
         jobs.append((b, first, e))
         starts.append(start)

@@ -90,7 +90,7 @@ def predictive_density(
 
     def log_Z(linear: Whitened, freedom: Freedom, used: Array) -> Array:
         kept = Whitened(linear.e * used[:, None], linear.J * used[:, None, None])
-        here = jax.tree.map(lambda a: a * used[:, None, None], freedom)
+        here = jax.tree.map(lambda a: a * used.reshape(-1, *[1] * (a.ndim - 1)), freedom)
         after = here.posterior(kept, sided)
         return after.log_evidence + log_prior_of_sizes(after, pair, sided)
 

@@ -59,7 +59,7 @@ def along_ridges(
 
     def fits(record: np.ndarray, effect: np.ndarray, fixed_size: np.ndarray) -> Fitted:
         pairs = np.stack([effect, np.full_like(effect, -1)], axis=1)
-        starts = np.asarray(base.x)[record]
+        starts = np.asarray(base.optimum)[record]
         return run_fits(
             batch, record, pairs, starts, numbers, effects,
             fixed_size=fixed_size, step="following the ridges", progress=progress,

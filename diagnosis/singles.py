@@ -72,10 +72,16 @@ def single_fits(
     if record.size == 0:
         return every
     positions = np.stack([form, np.full_like(form, -1)], axis=1)
+    # a strained record takes the way that its first form took
+    strange = strained(base)[record]
     starts = np.where(
-        strained(base)[record, None], every.x[record * F + form], np.asarray(base.x)[record]
+        strange[:, None], every.optimum[record * F + form], np.asarray(base.optimum)[record]
     )
-    more = _best_of_starts(batch, record, positions, starts, numbers, forms, progress)
+    far = np.flatnonzero(np.array([effect.two_starts for effect in forms])[form])
+    more = run_fits(
+        batch, record, positions, starts, numbers, forms, further=[(far, _expected(starts[far]))],
+        step="fitting further forms", progress=progress,
+    )  # fmt: skip
 
     def placed(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
         found = whole.copy()
@@ -106,66 +112,26 @@ def _first_fits(
     free = ~np.isin(positions[:, 0], curved)
     parts: list[Fitted] = []
     if np.any(free):
-        start = np.asarray(base.x)[record[free]]
-        near = _best_of_starts(
-            batch, record[free], positions[free], start, numbers, forms, progress
-        )
-        far = np.flatnonzero(strained(base)[record[free]])
-        for size in (0.0, EXPECTED) if far.size else ():
-            start = np.zeros((far.size, start.shape[1]))
-            start[:, -2] = size
-            again = run_fits(
-                batch, record[free][far], positions[free][far], start, numbers, forms,
-                step="fitting from the priors", progress=progress,
-            )  # fmt: skip
-            near = _better(near, again, far)
-        parts.append(near)
+        record_of, effect_of = record[free], positions[free, 0]
+        start = np.asarray(base.optimum)[record_of]
+        two = np.flatnonzero(np.array([effect.two_starts for effect in forms])[effect_of])
+        far = np.flatnonzero(strained(base)[record_of])
+        none = np.zeros((far.size, start.shape[1]))
+        further = [(two, _expected(start[two])), (far, none), (far, _expected(none))]
+        parts.append(
+            run_fits(
+                batch, record_of, positions[free], start, numbers, forms, further=further,
+                step="fitting every effect", progress=progress,
+            )
+        )  # fmt: skip
     if curved.size:
         parts.append(along_ridges(batch, base, curved, numbers, forms, progress))
     back = np.argsort(~free, kind="stable").argsort()
     return jax.tree.map(lambda *leaves: np.concatenate(leaves)[back], *parts)
 
 
-def _best_of_starts(
-    batch: Measured,
-    record: np.ndarray,
-    pairs: np.ndarray,
-    starts: np.ndarray,
-    numbers: Catalogue,
-    effects: tuple[Effect, ...],
-    progress: ProgressCallback,
-) -> Fitted:
-    """Fits from size zero, some also from the expected size; the better one is returned."""
-    near = run_fits(
-        batch, record, pairs, starts, numbers, effects, step="fitting every effect",
-        progress=progress,
-    )  # fmt: skip
-    curved = np.array([effect.two_starts for effect in effects])
-    again = np.flatnonzero(curved[pairs[:, 0]])
-    if again.size == 0:
-        return near
-    moved = starts[again].copy()
+def _expected(starts: np.ndarray) -> np.ndarray:
+    """Starts at the expected size of the effect."""
+    moved = starts.copy()
     moved[:, -2] = EXPECTED
-    far = run_fits(
-        batch, record[again], pairs[again], moved, numbers, effects,
-        step="fitting from a second start", progress=progress,
-    )  # fmt: skip
-    return _better(near, far, again)
-
-
-def _better(near: Fitted, again: Fitted, at: np.ndarray) -> Fitted:
-    """Fits, some of which were made again: the better of the two.
-
-    Args:
-        near: all fits.
-        again: those at the positions `at`, from another start.
-        at: positions.
-    """
-    better = again.sound & (again.log_evidence > near.log_evidence[at])
-
-    def merge(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        merged = first.copy()
-        merged[at[better]] = second[better]
-        return merged
-
-    return jax.tree.map(merge, near, again)
+    return moved

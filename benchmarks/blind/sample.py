@@ -123,7 +123,8 @@ def sampled_log_evidence(
     x = jnp.asarray(np.asarray(diagnosis.fits[hypothesis].x))
     freedoms = _freedoms(record, effects, numbers, pair, x, nonlinear=bent)
     log_Z, effective = [], []
-    for own, shared in zip(*map(np.asarray, freedoms), strict=True):
+    dense = np.asarray(jax.vmap(Freedom.dense)(freedoms))
+    for own, shared in zip(dense, np.asarray(freedoms.shared), strict=True):
         # factorised once by NumPy, so that no library is called beside the draws
         C, d, _ = own.shape
         whole = shared.reshape(C * d, -1)

@@ -166,9 +166,9 @@ def fake_fit(record, rng, names):
     J, G = rng.standard_normal((C, d, k)), rng.standard_normal((C, d, F))
     one, blank_sizes = jnp.zeros(()), jnp.zeros(F)
     fitted = Fitted(
-        x=jnp.zeros(k + 2), log_evidence=one, kinds=jnp.ones(3), chi2=one, misfit=one, cost=one,
-        residual=jnp.asarray(e), sizes=blank_sizes, size_sd=jnp.zeros(2),
-        waves=jnp.asarray(shown(C)), sound=jnp.asarray(True),
+        x=jnp.zeros(k + 2), optimum=jnp.zeros(k + 2), log_evidence=one, kinds=jnp.ones(3),
+        chi2=one, misfit=one, cost=one, residual=jnp.asarray(e), sizes=blank_sizes,
+        size_sd=jnp.zeros(2), waves=jnp.asarray(shown(C)), sound=jnp.asarray(True),
     )  # fmt: skip
     scan = Scan(blank_sizes, blank_sizes, blank_sizes, jnp.zeros((F, F)))
     e, J, G = (jnp.asarray(own) for own in (e, J, G))

@@ -1,8 +1,12 @@
 """Freedom of uncertain equations against dense Gaussian algebra."""
 
+import dataclasses
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 from benchmarks.foreign import layered
 from benchmarks.foreign.plain import in_batches
@@ -15,13 +19,18 @@ from diagnosis.measured import whitener_of
 from diagnosis.prediction import n_unknowns
 from tests.diagnosis.records import synthetic
 
-C, D, K, M, S = 3, 40, 4, 6, 5
+C, G, R, Q, K, M, S = 3, 2, 18, 4, 4, 6, 5
+D = G * R + Q
 RNG = np.random.default_rng(8)
-OWN, SHARED = RNG.normal(size=(C, D, M)), RNG.normal(size=(C, D, S))
+OWN, SHARED = RNG.normal(size=(C, G, R, M)), RNG.normal(size=(C, D, S))
+SCALARS = RNG.uniform(0.5, 2.0, size=(C, Q))
 COVARIANCE = np.eye(C * D) + SHARED.reshape(C * D, S) @ SHARED.reshape(C * D, S).T
 for c in range(C):
-    COVARIANCE[c * D : c * D + D, c * D : c * D + D] += OWN[c] @ OWN[c].T
-FREEDOM = Freedom(jnp.asarray(OWN), jnp.asarray(SHARED))
+    blocks = [own @ own.T for own in OWN[c]]
+    COVARIANCE[c * D : c * D + D, c * D : c * D + D] += block_diag(
+        *blocks, np.diag(SCALARS[c] ** 2)
+    )
+FREEDOM = Freedom(jnp.asarray(OWN), jnp.asarray(SCALARS), jnp.asarray(SHARED))
 
 
 def test_posterior_beside_a_freedom_is_that_of_the_dense_gaussian():
@@ -38,6 +47,29 @@ def test_posterior_beside_a_freedom_is_that_of_the_dense_gaussian():
     np.testing.assert_allclose(after.covariance, np.linalg.inv(precision), rtol=1e-8, atol=1e-12)
 
 
+def test_dense_columns_are_those_of_the_covariance():
+    own, shared = np.asarray(FREEDOM.dense()), SHARED.reshape(C * D, S)
+    whole = np.eye(C * D) + shared @ shared.T + block_diag(*(one @ one.T for one in own))
+    np.testing.assert_allclose(whole, COVARIANCE, atol=1e-12)
+
+
+def test_correlated_noise_gives_the_same_freedom():
+    """One group of all rows is what groups by trace are where the noise correlates nothing."""
+    record = measured(synthetic({}, seed=4))
+    x = jnp.zeros(n_unknowns(record) + 2)
+    how = {"nonlinear": False}
+    own = uncertain_signals(
+        record, CATALOGUE, numbers_of(CATALOGUE), jnp.array([0, -1]), x.at[-2].set(1.0), **how
+    )
+    plain = whitener_of(record)
+    modes = jnp.zeros((record.n_conditions, plain.weight.shape[1], 1))
+    joint = whitener_of(dataclasses.replace(record, modes=modes))
+    for a, b in zip(
+        *(jax.vmap(Freedom.dense)(own.freedoms(W)) for W in (plain, joint)), strict=True
+    ):
+        np.testing.assert_allclose(a @ a.mT, b @ b.mT, rtol=1e-9, atol=1e-9)
+
+
 def test_misfits_are_in_units_of_noise_and_freedom_together():
     residuals = RNG.normal(size=(2, C, D))
     found = FREEDOM.misfits(jnp.asarray(residuals))
@@ -52,7 +84,8 @@ def test_only_a_bed_of_another_structure_gives_the_base_model_a_freedom():
     none = jnp.array([-1, -1])
     own = uncertain_signals(record, CATALOGUE, numbers_of(CATALOGUE), none, x, nonlinear=False)
     found = own.freedoms(whitener_of(record))
-    (guessed, own_bed), (alike, alike_bed) = (np.abs(np.asarray(a)).max((1, 2, 3)) for a in found)
+    largest = (np.abs(np.asarray(a)).reshape(2, -1).max(axis=1) for a in (found.own, found.shared))
+    (guessed, own_bed), (alike, alike_bed) = largest
     assert guessed == alike == 0.0 < own_bed
     assert alike_bed == pytest.approx(3.0 * own_bed, rel=1e-9)  # nine tenths of the variance
     both = np.arange(len(KINDS))

@@ -157,7 +157,7 @@ def test_the_inlet_is_freed_where_the_aortic_trace_misfits_and_nothing_explains_
     residual = np.full(np.asarray(weights(record)).shape, np.sqrt(misfit))
     scalar, row = np.zeros(()), np.zeros(2)
     waves = np.zeros((record.n_conditions, 3, 4))
-    fit = Fitted(row, *[scalar] * 5, residual, row, row, waves, np.array(True))
+    fit = Fitted(row, row, *[scalar] * 5, residual, row, row, waves, np.array(True))
     fields = dict.fromkeys(Diagnosis._fields)
     fields |= {
         "record": record,

@@ -37,7 +37,8 @@ from diagnosis.engine import (
     run_predictions,
     run_scans,
 )
-from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
+from diagnosis.fit import Fitted
+from diagnosis.hypothesis import Catalogue, numbers_of
 from diagnosis.measured import Measured, weights
 from diagnosis.own_inlet import inlet_freed, needs_own_inlet, with_own_inlet
 from diagnosis.pairs import (
@@ -137,14 +138,14 @@ def _diagnosed(
             f"The base model could not be fitted to record(s) {bad} of the batch. Look for "
             "implausible pressures or periods, or leave the record out."
         )
-    scan = run_scans(batch, np.arange(B), np.asarray(base.x), np.zeros((B, F)), numbers, forms)
+    scan = run_scans(
+        batch, range(B), [(-1, -1)] * B, np.asarray(base.x), np.asarray(base.kinds), numbers, forms
+    )
     single = single_fits(batch, base, scan, causes, numbers, forms, progress)
     log_B = np.asarray(single.log_evidence).reshape(B, F) - base.log_evidence[:, None]
     found = promising_pairs(batch, single, log_B, causes, numbers, forms, progress)
-    # the base model has no form to guess: what is not another bed is exact
-    exact = 1.0 - np.asarray(base.kinds)[:, -1]
     pairs = [
-        found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes, exact[b]))
+        found.get(b) or Pairs({}, scanned_gains(log_B[b], row_of(scan, b), causes))
         for b in range(B)
     ]
     forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)

@@ -17,18 +17,19 @@ from typing import Any, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Int, PyTree
 
 from diagnosis.colour import coloured
 from diagnosis.descent import at_start
 from diagnosis.effects import Effect
+from diagnosis.fit import Fitted, fit_about, towards_optimum
 from diagnosis.forcing import forcing_evidence
 from diagnosis.form_columns import KINDS
-from diagnosis.hypothesis import FITTED, Catalogue, Fitted, fit_about, towards_optimum
+from diagnosis.hypothesis import FITTED, Catalogue
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
 from diagnosis.predictive import Predicted, predictive_density
-from diagnosis.scan import Scan, linearise, score_scan
+from diagnosis.scan import Scan, scan_about
 
 BLOCK = 16
 """Jobs advanced together; more exceed the caches of a CPU, fewer waste its vector units."""
@@ -78,19 +79,7 @@ _force_block = _block(forcing_evidence)
 _predict_block = _block(predictive_density)
 
 
-@partial(jax.jit, static_argnames=("effects",), compiler_options=QUICK_TO_COMPILE)
-def _scan_block(
-    records: Measured,
-    x: Float[Array, "j k"],
-    sizes: Float[Array, "j e"],
-    numbers: Catalogue,
-    *,
-    effects: tuple[Effect, ...],
-) -> Scan:
-    def one(measured: Measured, x: Array, sizes: Array) -> Scan:
-        return score_scan(linearise(measured, effects, numbers, x, sizes), numbers)
-
-    return jax.vmap(one)(records, x, sizes)
+_scan_block = _block(scan_about)
 
 
 _pending: dict[tuple[Any, bool], Future[None]] = {}
@@ -123,7 +112,7 @@ def compiled_ahead(
     plan: list[tuple[Any, tuple, bool]] = [
         (_descend_block, descent, False),
         (_fit_block, (records, pairs, x, shaped()), False),
-        (_scan_block, (records, x, shaped(len(effects))), False),
+        (_scan_block, (records, pairs, x, shaped(len(KINDS))), True),
         (_force_block, (records, pairs, x, shaped(len(KINDS))), False),
     ]
     if any(effect.nonlinear for effect in effects):
@@ -133,8 +122,9 @@ def compiled_ahead(
         plan.append((_predict_block, (records, pairs, x), True))
     with ThreadPoolExecutor(min(cores, len(plan)), "compile-ahead") as pool:
         for program, given, nonlinear in plan:
-            how = {} if program is _scan_block else {"nonlinear": nonlinear}
-            lowered = partial(program.lower, *given, numbers=numbers, effects=effects, **how)
+            lowered = partial(
+                program.lower, *given, numbers=numbers, effects=effects, nonlinear=nonlinear
+            )
             _pending[program, nonlinear] = pool.submit(_quietly, lowered)
         try:
             yield
@@ -299,16 +289,22 @@ def _counted(progress: ProgressCallback, step: str, jobs: int) -> Callable[[int]
 
 def run_scans(
     batch: Measured,
-    record: np.ndarray,
+    record: Sequence[int] | np.ndarray,
+    pairs: Sequence[tuple[int, int]] | np.ndarray,
     x: np.ndarray,
-    sizes: np.ndarray,
+    kinds: np.ndarray,
     numbers: Catalogue,
     effects: tuple[Effect, ...],
 ) -> Scan:
-    """Score scans about given optima, in NumPy arrays."""
-    _compiled(_scan_block)
-    scan = partial(_scan_block, numbers=numbers, effects=effects)
-    return _in_blocks(scan, batch, np.asarray(record, int), (x, sizes), lambda count: None)
+    """Score scan about hypothesis `pairs[j]` of record `record[j]`, in NumPy arrays.
+
+    The fit of each job gave x and the probabilities of what its equations are. All take the
+    nonlinear solution: some effects need it.
+    """
+    _compiled(_scan_block, True)
+    scan = partial(_scan_block, numbers=numbers, effects=effects, nonlinear=True)
+    arrays = np.asarray(pairs, int).reshape(-1, 2), x, kinds
+    return _in_blocks(scan, batch, np.asarray(record, int), arrays, lambda count: None)
 
 
 def run_forcings(

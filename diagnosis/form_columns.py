@@ -36,29 +36,33 @@ class Freedom(NamedTuple):
     """Freedom of uncertain equations, as columns of data with standard normal coefficients.
 
     Rows of data lie in groups g of one size r, each with columns of its own: one for every trace.
-    Of the last rows, those of the scalars, each has one coefficient. Where the noise correlates the
-    traces all rows are one group, and no scalar is left.
+    Of the last rows, those of the scalars, each has one coefficient. Both are in units of the noise
+    without its correlated variations V, the modes, which cross the groups: other columns are
+    brought back to those units, and V is absorbed after the groups. All other columns, and the
+    shared ones, are whitened.
 
     Attributes:
         own: columns whose coefficients each group of each condition has for itself.
         scalars: standard deviations of the last data.
         shared: columns of all rows whose coefficients all conditions share.
+        whitener: of the record.
     """
 
     own: Float[Array, "*b c g r m"]
     scalars: Float[Array, "*b c q"]
     shared: Float[Array, "*b c d s"]
+    whitener: Whitener
 
     def posterior(self, linear: Whitened, sided: Float[Array, " k"]) -> Posterior:
         """Evidence and posterior of the unknowns of a linearised hypothesis, the freedom apart."""
-        left, log_volume = self._absorbed(linear.J, linear.e[..., None])
+        left, log_volume = self.absorbed_products(linear.J, linear.e[..., None])
         return posterior_of_products(*split(left), log_volume, sided)
 
     def misfits(self, residuals: Float[Array, "t c d"]) -> Float[Array, " t"]:
         """Σ rᵀ C⁻¹ r of several residuals, C being noise and freedom together."""
-        return jnp.diagonal(self._absorbed(jnp.moveaxis(residuals, 0, -1))[0])
+        return jnp.diagonal(self.absorbed_products(jnp.moveaxis(residuals, 0, -1))[0])
 
-    def _absorbed(self, *others: Float[Array, "c d _"]) -> tuple[Array, Array]:
+    def absorbed_products(self, *others: Float[Array, "c d _"]) -> tuple[Array, Array]:
         """Inner products of other columns once the freedom is part of the noise, and ½ ln|C|."""
         left, own_volume = self.own_absorbed(self.shared, *others)
         left, volume = absorbed(jnp.sum(left, axis=0), self.shared.shape[-1])
@@ -66,25 +70,33 @@ class Freedom(NamedTuple):
 
     def own_absorbed(self, *others: Float[Array, "c d _"]) -> tuple[Array, Array]:
         """By condition, the same once the freedom that each has for itself is part of the noise."""
-        C, g, r, m = self.own.shape
-        columns = jnp.concatenate(others, axis=-1)
+        (C, g, r, m), V = self.own.shape, self.whitener.modes
+        columns = self.whitener.correlated(jnp.concatenate(others, axis=-1))
+        if V is not None:
+            columns = jnp.concatenate([V, columns], axis=-1)
         traces = columns[:, : g * r].reshape(C, g, r, columns.shape[-1])
-        columns = columns[:, g * r :] / jnp.sqrt(1.0 + self.scalars**2)[..., None]
+        scalars = columns[:, g * r :] / jnp.sqrt(1.0 + self.scalars**2)[..., None]
         traces = jnp.concatenate([self.own, traces], axis=-1)
         products = jnp.einsum("cgrm,cgrl->cgml", traces, traces)
         left, volume = jax.vmap(jax.vmap(lambda one: absorbed(one, m)))(products)
-        of_scalars = jnp.einsum("cqm,cql->cml", columns, columns)
-        half_log = 0.5 * jnp.sum(jnp.log1p(self.scalars**2), axis=-1)
-        return jnp.sum(left, axis=1) + of_scalars, jnp.sum(volume, axis=1) + half_log
+        left = jnp.sum(left, axis=1) + jnp.einsum("cqm,cql->cml", scalars, scalars)
+        volume = jnp.sum(volume, axis=1) + 0.5 * jnp.sum(jnp.log1p(self.scalars**2), axis=-1)
+        if V is None:
+            return left, volume
+        left, more = jax.vmap(lambda one: absorbed(one, V.shape[-1]))(left)
+        # in whitened units the noise alone has none
+        alone = jax.vmap(lambda V: absorbed(V.T @ V, V.shape[-1])[1])(V)
+        return left, volume + more - alone
 
     def dense(self) -> Float[Array, "c d n"]:
-        """All columns whose coefficients each condition has for itself."""
+        """All columns whose coefficients each condition has for itself, whitened."""
         C, g, r, m = self.own.shape
         q = self.scalars.shape[-1]
         columns = jnp.zeros((C, g * r + q, g * m + q))
         for k in range(g):
             columns = columns.at[:, k * r : (k + 1) * r, k * m : (k + 1) * m].set(self.own[:, k])
-        return columns.at[:, g * r :, g * m :].set(jax.vmap(jnp.diag)(self.scalars))
+        columns = columns.at[:, g * r :, g * m :].set(jax.vmap(jnp.diag)(self.scalars))
+        return self.whitener.uncorrelated(columns)
 
 
 def form_freedom(
@@ -112,13 +124,10 @@ def form_freedom(
     scalars, shared_scalars = jnp.sqrt(scalar_power), jnp.sqrt(shared_scalar_power)
     C, S, r, m = own.shape
     none = jnp.zeros((C, min(S, 1) * r, shared.shape[1] * m + scalars.shape[1]))
-    together = Freedom(shared, shared_scalars, shared).dense()
-    together = W.columns(jnp.concatenate([none, together], axis=1))
-    if W.modes is None:
-        weight = W.weight[:, : S * r].reshape(C, S, r, 1)
-        return Freedom(weight * own, W.weight[:, S * r :] * scalars, together)
-    every = W.columns(Freedom(own, scalars, together).dense())
-    return Freedom(every[:, None], jnp.zeros((C, 0)), together)
+    plain = Freedom(shared, shared_scalars, shared, Whitener(W.weight))
+    together = jnp.concatenate([none, plain.dense()], axis=1)
+    weight = W.weight[:, : S * r].reshape(C, S, r, 1)
+    return Freedom(weight * own, W.weight[:, S * r :] * scalars, W.columns(together), W)
 
 
 def _columns(power: Float[Array, "c s n"]) -> Float[Array, "c s r m"]:

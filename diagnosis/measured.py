@@ -19,7 +19,7 @@ beats or an error of the start of ejection, are correlated. With columns U of da
 V = U/sd,
 
     noise of z ~ N(0, I + V Vᵀ),     whitened data = (I + V Vᵀ)^−½ z = z − V A (Vᵀ z),
-    A = (S + S^½)⁻¹,   S = I + VᵀV.
+    A = (S + S^½)⁻¹,   S = I + VᵀV,   and its inverse is I + V (I + S^½)⁻¹ Vᵀ.
 """
 
 from typing import NamedTuple
@@ -182,29 +182,34 @@ class Whitener(NamedTuple):
         weight: 1/sd of each datum, 0 where it was not measured.
         modes: columns V; None without correlated variations.
         lessened: the matrix A.
+        restored: the matrix A' of the inverse, I + V A' Vᵀ.
     """
 
     weight: Float[Array, "*c d"]
     modes: Float[Array, "*c d r"] | None = None
     lessened: Float[Array, "*c r r"] | None = None
+    restored: Float[Array, "*c r r"] | None = None
 
     def __call__(self, y: Float[Array, "*c d"]) -> Float[Array, "*c d"]:
         """Whitened data of one condition, or of all of them at once."""
-        z = self.weight * y
-        if self.modes is None:
-            return z
-        along = jnp.einsum("...dr,...d->...r", self.modes, z)
-        along = jnp.einsum("...rq,...q->...r", self.lessened, along)
-        return z - jnp.einsum("...dr,...r->...d", self.modes, along)
+        return self.columns(y[..., None])[..., 0]
 
     def columns(self, F: Float[Array, "*c d m"]) -> Float[Array, "*c d m"]:
         """Whitened columns of one condition, or of all."""
-        z = self.weight[..., None] * F
-        if self.modes is None:
-            return z
-        along = jnp.einsum("...dr,...dm->...rm", self.modes, z)
-        along = jnp.einsum("...rq,...qm->...rm", self.lessened, along)
-        return z - jnp.einsum("...dr,...rm->...dm", self.modes, along)
+        return self.uncorrelated(self.weight[..., None] * F)
+
+    def uncorrelated(self, Z: Float[Array, "*c d m"]) -> Float[Array, "*c d m"]:
+        """Whitened columns, of those in units of their own noise."""
+        return Z if self.modes is None else Z - self._along(self.lessened, Z)
+
+    def correlated(self, Z: Float[Array, "*c d m"]) -> Float[Array, "*c d m"]:
+        """The inverse of `uncorrelated`."""
+        return Z if self.modes is None else Z + self._along(self.restored, Z)
+
+    def _along(self, A: Float[Array, "*c r r"] | None, Z: Array) -> Array:
+        """V A Vᵀ Z."""
+        along = jnp.einsum("...rq,...dq,...dm->...rm", A, self.modes, Z)
+        return jnp.einsum("...dr,...rm->...dm", self.modes, along)
 
 
 def whitener_of(measured: Measured) -> Whitener:
@@ -215,11 +220,12 @@ def whitener_of(measured: Measured) -> Whitener:
     V = weight[..., None] * measured.modes
     eye = jnp.eye(V.shape[-1])
 
-    def lessened(V: Float[Array, "d r"]) -> Float[Array, "r r"]:
+    def matrices(V: Float[Array, "d r"]) -> tuple[Array, Array]:
         S = eye + V.T @ V
-        return solve_definite(S + square_root(S), eye)
+        root = square_root(S)
+        return solve_definite(S + root, eye), solve_definite(eye + root, eye)
 
-    return Whitener(weight, V, jax.vmap(lessened)(V))
+    return Whitener(weight, V, *jax.vmap(matrices)(V))
 
 
 def data_of(measured: Measured) -> Float[Array, "c d"]:

@@ -15,7 +15,8 @@ from scipy.stats import chi2
 from diagnosis.circuit import FORCED
 from diagnosis.effects import Effect, find_effect
 from diagnosis.engine import ProgressCallback, base_fits, base_start
-from diagnosis.hypothesis import Catalogue, Fitted
+from diagnosis.fit import Fitted
+from diagnosis.hypothesis import Catalogue
 from diagnosis.inlet import (
     EFFECT,
     SQUEEZE,

@@ -14,7 +14,8 @@ from scipy.special import logsumexp
 
 from diagnosis.effects import EXPECTED, Effect
 from diagnosis.engine import ProgressCallback, run_fits, run_scans
-from diagnosis.hypothesis import Catalogue, Fitted
+from diagnosis.fit import Fitted
+from diagnosis.hypothesis import Catalogue
 from diagnosis.measured import Measured
 from diagnosis.predictive import Predicted
 from diagnosis.scan import Scan
@@ -85,20 +86,16 @@ class Pairs(NamedTuple):
 
 
 def scanned_gains(
-    log_B: Float[np.ndarray, " forms"], scan: Scan, causes: Causes, exact: float = 1.0
+    log_B: Float[np.ndarray, " forms"], scan: Scan, causes: Causes
 ) -> dict[tuple[int, int], float]:
-    """Gain of every pair of leading forms over its better half, by the scan about the base.
-
-    The scan takes equations as exact: where the base model's are guessed, with a probability
-    `exact` of less than one half, two effects would explain what its freedom does, and none gains.
-    """
+    """Gain of every pair of leading forms over its better half, by the scan about the base."""
     lead = causes.leaders(log_B)
     found = {}
     for a, i in enumerate(lead):
         for j in lead[a + 1 :]:
             first, second = (i, j) if log_B[i] >= log_B[j] else (j, i)
             gain = float(scan.pair_log_B[first, second] - scan.log_B[first])
-            found[int(first), int(second)] = gain if exact > 0.5 else min(gain, 0.0)
+            found[int(first), int(second)] = gain
     return found
 
 
@@ -132,8 +129,8 @@ def promising_pairs(
         leads[b] = causes.leaders(log_B[b])[order]
     rows = np.array([b * E + leads[b][place] for place in (0, 1) for b in worth])
     partners = run_scans(
-        batch, np.concatenate([worth, worth]), np.asarray(single.x)[rows],
-        np.asarray(single.sizes)[rows], numbers, effects,
+        batch, np.concatenate([worth, worth]), [(int(row % E), -1) for row in rows],
+        np.asarray(single.x)[rows], np.asarray(single.kinds)[rows], numbers, effects,
     )  # fmt: skip
     jobs: list[tuple[int, int, int]] = []
     scanned: dict[int, dict[tuple[int, int], float]] = {}

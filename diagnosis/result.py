@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from diagnosis.effects import Effect
-from diagnosis.hypothesis import Fitted
+from diagnosis.fit import Fitted
 from diagnosis.measured import Measured
 from diagnosis.predictive import Predicted
 from diagnosis.verdict import UNKNOWN, Hypothesis, Judgement
@@ -64,3 +64,8 @@ class Diagnosis(NamedTuple):
     def best(self) -> Fitted:
         """The fit of the most probable hypothesis."""
         return self.fits[self.judgement.best]
+
+    @property
+    def other_bed(self) -> float:
+        """Probability that the bed is of another structure, with the most probable hypothesis."""
+        return float(self.best.kinds[-1])

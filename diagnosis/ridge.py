@@ -23,7 +23,8 @@ from scipy.special import logsumexp
 
 from diagnosis.effects import Effect
 from diagnosis.engine import ProgressCallback, no_progress, run_fits
-from diagnosis.hypothesis import Catalogue, Fitted
+from diagnosis.fit import Fitted
+from diagnosis.hypothesis import Catalogue
 from diagnosis.measured import Measured
 
 SIZES = np.array([0.15, 0.35, 0.7, 1.2, 1.8, 2.6, 3.6])

@@ -5,11 +5,17 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.scipy.special import log_ndtr
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from diagnosis.effects import Effect
 from diagnosis.evidence import Whitened, log_moment
-from diagnosis.hypothesis import Catalogue, whitened_by_condition
+from diagnosis.form_columns import Freedom
+from diagnosis.hypothesis import (
+    Catalogue,
+    effect_sizes,
+    likeliest_freedom,
+    whitened_by_condition,
+)
 from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
@@ -41,6 +47,8 @@ def linearise(
     numbers: Catalogue,
     x: Float[Array, " k"],
     sizes: Float[Array, " e"],
+    *,
+    nonlinear: bool = True,
 ) -> Linearised:
     """Linearise the model at an optimum with respect to all unknowns and all effects.
 
@@ -50,13 +58,15 @@ def linearise(
         numbers: of the catalogue.
         x: optimum of the base model's unknowns (further ones are ignored).
         sizes: size of every effect there [its unit].
+        nonlinear: whether any effect makes the ostium nonlinear (static).
     """
     W, cases = whitener_of(measured), condition_settings(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, len(effects)))
     joined = jnp.concatenate([x[: n_unknowns(measured)], sizes])
 
     def seen(case: ConditionSettings, own: Array) -> Array:
-        return observations(predict(case, own[:OWN], effects, own[OWN:]), measured.n_sensors)
+        beat = predict(case, own[:OWN], effects, own[OWN:], nonlinear=nonlinear)
+        return observations(beat, measured.n_sensors)
 
     value, J = whitened_by_condition(seen, W, cases, chooser)(joined)
     k = n_unknowns(measured)
@@ -81,7 +91,7 @@ class Scan(NamedTuple):
     pair_log_B: Float[Array, "e e"]
 
 
-def score_scan(found: Linearised, numbers: Catalogue) -> Scan:
+def score_scan(found: Linearised, numbers: Catalogue, freedom: Freedom | None = None) -> Scan:
     """Ln B of adding each effect, and every two effects, from one Jacobian.
 
     With J̃ = [J; I], r̃ = [r; −x] and g the derivatives by standardised sizes,
@@ -89,18 +99,28 @@ def score_scan(found: Linearised, numbers: Catalogue) -> Scan:
         g⊥ = g − J̃ (J̃ᵀJ̃)⁻¹ J̃ᵀ g,   Λ = I + g⊥ᵀg⊥,   size = Λ⁻¹ g⊥ᵀr̃,
         ln B = ½ g⊥ᵀr̃ · size − ½ ln|Λ| + Σ ln E[size²]  (+ ln 2Φ(size/sd) where one-sided)
 
-    of one effect or of two, Λ⁻¹ being the covariance.
+    of one effect or of two, Λ⁻¹ being the covariance. With a freedom of the equations all products
+    of J, g and r are those beside it.
 
     Source: Lagrange-multiplier tests of structural equation models, Sörbom 1989 (Psychometrika
     54:371); here with Gaussian priors.
+
+    Args:
+        found: the model linearised at the optimum of a hypothesis.
+        numbers: of the catalogue.
+        freedom: of the hypothesis's equations, whitened.
     """
     (e, J), G = found.linear, found.effects
-    precision = jnp.eye(J.shape[-1]) + jnp.einsum("cdk,cdl->kl", J, J)
-    JG, Je = jnp.einsum("cdk,cde->ke", J, G), jnp.einsum("cdk,cd->k", J, e)
-    solved = solve_definite(precision, JG)
+    k = J.shape[-1]
+    columns = jnp.concatenate([J, G, e[..., None]], axis=-1)
+    if freedom is None:
+        inner = jnp.einsum("cdm,cdl->ml", columns, columns)
+    else:
+        inner = freedom.absorbed_products(columns)[0]
+    solved = solve_definite(jnp.eye(k) + inner[:k, :k], inner[:k, k:-1])
     # e = r + J x: with the unknowns eliminated g⊥ᵀ r̃ = gᵀe − (JG)ᵀ precision⁻¹ Jᵀe
-    along = jnp.einsum("cde,cd->e", G, e) - solved.T @ Je
-    products = jnp.einsum("cde,cdf->ef", G, G) - JG.T @ solved
+    along = inner[k:-1, -1] - solved.T @ inner[:k, -1]
+    products = inner[k:-1, k:-1] - inner[k:-1, :k] @ solved
     square = jnp.maximum(jnp.diagonal(products), 0.0)
     size = along / (1.0 + square)
     shape = _of_sizes(size, 1.0 / (1.0 + square), numbers.one_sided)
@@ -114,6 +134,33 @@ def score_scan(found: Linearised, numbers: Catalogue) -> Scan:
     shape = _of_sizes(first, other / determinant, sided)
     gain = 0.5 * along[:, None] * first + shape
     return Scan(log_B, size, jnp.sqrt(square), gain + gain.T - 0.5 * jnp.log(determinant))
+
+
+def scan_about(
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    kinds: Float[Array, " 3"],
+    *,
+    nonlinear: bool,
+) -> Scan:
+    """Score scan about a fitted hypothesis, beside the freedom of its likeliest equations.
+
+    Args:
+        measured: the record.
+        effects: the catalogue (static).
+        numbers: of the catalogue.
+        pair: positions of the hypothesis's effects, −1 for none.
+        x: its posterior mean, standardised.
+        kinds: probabilities of what its equations are.
+        nonlinear: True where any effect makes the ostium nonlinear (static).
+    """
+    sizes = effect_sizes(numbers, pair, x[n_unknowns(measured) :])
+    found = linearise(measured, effects, numbers, x, sizes, nonlinear=nonlinear)
+    freedom = likeliest_freedom(measured, effects, numbers, pair, x, kinds, nonlinear=nonlinear)
+    return score_scan(found, numbers, freedom)
 
 
 def _of_sizes(mean: Array, variance: Array, one_sided: Array) -> Array:

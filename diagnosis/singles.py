@@ -16,7 +16,8 @@ import numpy as np
 
 from diagnosis.effects import EXPECTED, Effect
 from diagnosis.engine import ProgressCallback, run_fits
-from diagnosis.hypothesis import Catalogue, Fitted
+from diagnosis.fit import Fitted
+from diagnosis.hypothesis import Catalogue
 from diagnosis.measured import Measured
 from diagnosis.pairs import WORTH_PAIRING, Causes
 from diagnosis.ridge import along_ridges

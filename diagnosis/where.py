@@ -24,7 +24,8 @@ from diagnosis.catalogue import CATALOGUE
 from diagnosis.circuit import FORCED, PHASE, TO_SAMPLES
 from diagnosis.effects import PLACES, all_forms
 from diagnosis.engine import base_start, run_fits
-from diagnosis.hypothesis import Fitted, numbers_of
+from diagnosis.fit import Fitted
+from diagnosis.hypothesis import numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
 from diagnosis.prediction import data_of_waves
 from diagnosis.resolution import HARMONICS

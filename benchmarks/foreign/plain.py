@@ -22,7 +22,8 @@ from diagnosis import CATALOGUE, Effect, Record, measured, stacked
 from diagnosis.colour import with_power
 from diagnosis.effects import all_forms
 from diagnosis.engine import coloured_base_fits, no_progress
-from diagnosis.hypothesis import Catalogue, Fitted, numbers_of
+from diagnosis.fit import Fitted
+from diagnosis.hypothesis import Catalogue, numbers_of
 from diagnosis.measured import Measured
 from diagnosis.scan import Linearised, Scan, linearise, score_scan
 

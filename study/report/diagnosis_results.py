@@ -69,6 +69,7 @@ def diagnosis_document(
         probabilities=_listed(judgement.probabilities),
         inclusion={k: round(v, 6) for k, v in judgement.inclusion.items()},
         closed=judgement.closed,
+        other_bed=_other_bed(diagnosis),
         effects=[_effect(diagnosis, e) for e in _shown_effects(diagnosis)],
         where=_blocks(joint, names),
         where_after_rest_alone=None if rest is None else _blocks(rest, names),
@@ -108,6 +109,10 @@ def _held_out(diagnosis: Diagnosis, names: list[str]) -> Iterator[HeldOutGap]:
             P_distal_rms_mmHg=None if rms is None else BeforeAfter(*(v / MMHG for v in rms)),
             ffr_error=None if ratio is None else BeforeAfter(*ratio),
         )
+
+
+def _other_bed(diagnosis: Diagnosis) -> float | Absent:
+    return round(diagnosis.other_bed, 4) if diagnosis.record.n_sensors else ABSENT
 
 
 def _predicted(diagnosis: Diagnosis, names: list[str]) -> PredictedGain | Absent:

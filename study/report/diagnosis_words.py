@@ -102,6 +102,22 @@ def to_do(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
         diagnosis: the diagnosis.
         conditions: names of the record's conditions.
     """
+    return [*_of_verdict(diagnosis, conditions), *_other_bed(diagnosis)]
+
+
+def _other_bed(diagnosis: Diagnosis) -> list[str]:
+    """What it means that the bed of the muscle is not the model's."""
+    if not diagnosis.record.n_sensors or diagnosis.other_bed < 0.5:
+        return []
+    return [
+        "Keep in mind: by its waveforms the bed of the muscle is not the single layer of the model "
+        f"(probability {diagnosis.other_bed:.2f}). Effects were judged beside that freedom; one "
+        "that changes the distal trace less than such a bed does can hide behind it."
+    ]
+
+
+def _of_verdict(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
+    """What follows from the verdict itself."""
     verdict = diagnosis.judgement.verdict
     if verdict == "no_gap":
         steps = ["Use the calibrated model as it is."]

@@ -29,7 +29,7 @@ from benchmarks.foreign.training import CLASSES, NONE, UNKNOWN, Training, draw_c
 from diagnosis import CATALOGUE, Record, RecordedCondition, measured
 from diagnosis.circuit import FROM_SAMPLES, PHASE
 from diagnosis.evidence import Whitened
-from diagnosis.hypothesis import Fitted
+from diagnosis.fit import Fitted
 from diagnosis.measured import weights, whitener_of
 from diagnosis.prediction import n_unknowns
 from diagnosis.scan import Linearised, Scan

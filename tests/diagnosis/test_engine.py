@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.blind.clocked import Clock
 from diagnosis import CATALOGUE, engine, measured, stacked
+from diagnosis.descent import at_start
 from diagnosis.hypothesis import FITTED, numbers_of
 from diagnosis.prediction import n_unknowns
 from tests.diagnosis.records import clocked, settings
@@ -24,10 +25,12 @@ def test_compiled_blocks_call_no_library(nonlinear):
     texts = [
         engine._fit_block.lower(batch, pairs, x, np.full(2, FITTED), **how).as_text(),
         engine._force_block.lower(batch, pairs, x, np.ones((2, 3)), **how).as_text(),
+        engine._descend_block.lower(
+            batch, pairs, at_start(x), np.full(2, FITTED), np.ones(2, int), **how
+        ).as_text(),
     ]
     if nonlinear:
-        sizes = np.zeros((2, len(CATALOGUE)))
-        scan = engine._scan_block.lower(batch, x, sizes, numbers, effects=CATALOGUE)
+        scan = engine._scan_block.lower(batch, pairs, x, np.ones((2, 3)), **how)
         texts.append(scan.as_text())
         texts.append(engine._predict_block.lower(batch, pairs, x, **how).as_text())
     for text in texts:

@@ -11,6 +11,7 @@ from diagnosis.forcing import (
     forcing_mixture,
 )
 from diagnosis.form_columns import Freedom
+from diagnosis.measured import Whitener
 from lumped import MMHG
 
 
@@ -24,7 +25,8 @@ def test_a_forcing_beside_a_cause_matches_the_dense_gaussian():
     alike = 0.3 * rng.normal(size=(C, d, 5))
     pair, sided = jnp.array([-1, -1]), jnp.zeros(k)
     a, s, b, c, y = (jnp.asarray(v) for v in (form, alike, F, J, e))
-    log_Z, means = forcing_mixture(Freedom(a[:, None], jnp.zeros((C, 0)), s), b, c, y, pair, sided)
+    freedom = Freedom(a[:, None], jnp.zeros((C, 0)), s, Whitener(jnp.ones((C, d))))
+    log_Z, means = forcing_mixture(freedom, b, c, y, pair, sided)
     assert means.shape == (log_Z.size, k)
     wide = alike.reshape(C * d, -1)
     n = 0

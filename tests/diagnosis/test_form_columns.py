@@ -1,13 +1,11 @@
 """Freedom of uncertain equations against dense Gaussian algebra."""
 
-import dataclasses
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
 
+from benchmarks.blind.clocked import Clock
 from benchmarks.foreign import layered
 from benchmarks.foreign.plain import in_batches
 from diagnosis import diagnose, measured
@@ -15,9 +13,9 @@ from diagnosis.catalogue import CATALOGUE
 from diagnosis.evidence import Whitened
 from diagnosis.form_columns import KINDS, Freedom
 from diagnosis.hypothesis import numbers_of, of_kind, uncertain_signals
-from diagnosis.measured import whitener_of
+from diagnosis.measured import Whitener, whitener_of
 from diagnosis.prediction import n_unknowns
-from tests.diagnosis.records import synthetic
+from tests.diagnosis.records import clocked, synthetic
 
 C, G, R, Q, K, M, S = 3, 2, 18, 4, 4, 6, 5
 D = G * R + Q
@@ -30,7 +28,8 @@ for c in range(C):
     COVARIANCE[c * D : c * D + D, c * D : c * D + D] += block_diag(
         *blocks, np.diag(SCALARS[c] ** 2)
     )
-FREEDOM = Freedom(jnp.asarray(OWN), jnp.asarray(SCALARS), jnp.asarray(SHARED))
+PLAIN = Whitener(jnp.ones((C, D)))
+FREEDOM = Freedom(jnp.asarray(OWN), jnp.asarray(SCALARS), jnp.asarray(SHARED), PLAIN)
 
 
 def test_posterior_beside_a_freedom_is_that_of_the_dense_gaussian():
@@ -53,21 +52,30 @@ def test_dense_columns_are_those_of_the_covariance():
     np.testing.assert_allclose(whole, COVARIANCE, atol=1e-12)
 
 
-def test_correlated_noise_gives_the_same_freedom():
-    """One group of all rows is what groups by trace are where the noise correlates nothing."""
-    record = measured(synthetic({}, seed=4))
-    x = jnp.zeros(n_unknowns(record) + 2)
-    how = {"nonlinear": False}
-    own = uncertain_signals(
-        record, CATALOGUE, numbers_of(CATALOGUE), jnp.array([0, -1]), x.at[-2].set(1.0), **how
-    )
-    plain = whitener_of(record)
-    modes = jnp.zeros((record.n_conditions, plain.weight.shape[1], 1))
-    joint = whitener_of(dataclasses.replace(record, modes=modes))
-    for a, b in zip(
-        *(jax.vmap(Freedom.dense)(own.freedoms(W)) for W in (plain, joint)), strict=True
-    ):
-        np.testing.assert_allclose(a @ a.mT, b @ b.mT, rtol=1e-9, atol=1e-9)
+def test_correlated_noise_beside_a_freedom_is_that_of_the_dense_gaussian():
+    """The evidence of whitened data: noise with modes across the traces, and a freedom in each."""
+    record = measured(clocked({}, Clock(97.0, 8, 0.03), seed=7)[0])
+    W, k = whitener_of(record), n_unknowns(record) + 2
+    x = jnp.zeros(k).at[-2].set(1.0)
+    numbers, pair = numbers_of(CATALOGUE), jnp.array([0, -1])
+    uncertain = uncertain_signals(record, CATALOGUE, numbers, pair, x, nonlinear=False)
+    freedom = of_kind(uncertain.freedoms(W), jnp.asarray(2))
+    C, d = W.weight.shape
+    e, J = RNG.normal(size=(C, d)), RNG.normal(size=(C, d, k))
+    after = freedom.posterior(Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.zeros(k))
+    own, shared = np.asarray(freedom.dense()), np.asarray(freedom.shared).reshape(C * d, -1)
+    flat = J.reshape(C * d, k)
+    whole = np.eye(C * d) + block_diag(*(one @ one.T for one in own)) + shared @ shared.T
+    whole += flat @ flat.T
+    y = e.reshape(-1)
+    log_Z = -0.5 * y @ np.linalg.solve(whole, y) - 0.5 * np.linalg.slogdet(whole)[1]
+    assert float(after.log_evidence) == pytest.approx(log_Z, rel=1e-8)
+
+
+def test_whitening_by_modes_can_be_undone():
+    W = whitener_of(measured(clocked({}, Clock(97.0, 8, 0.03), seed=7)[0]))
+    Z = jnp.asarray(RNG.normal(size=(*W.weight.shape, 3)))
+    np.testing.assert_allclose(W.correlated(W.uncorrelated(Z)), Z, rtol=1e-8, atol=1e-8)
 
 
 def test_misfits_are_in_units_of_noise_and_freedom_together():

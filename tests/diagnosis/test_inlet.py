@@ -8,8 +8,8 @@ import pytest
 from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
 from diagnosis.circuit import FORCED, FROM_SAMPLES, PHASE, TO_SAMPLES
 from diagnosis.engine import base_start
+from diagnosis.fit import Fitted
 from diagnosis.forcing import FORCING_HARMONICS
-from diagnosis.hypothesis import Fitted
 from diagnosis.inlet import (
     SQUEEZE,
     inlet_rms,

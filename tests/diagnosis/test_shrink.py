@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.hypothesis import Fitted
+from diagnosis.fit import Fitted
 from diagnosis.result import Diagnosis
 from diagnosis.shrink import WORSE_BY, expected_waves, heeding_held_out, held_out_gap
 from diagnosis.verdict import Judgement

@@ -186,6 +186,8 @@ class DiagnoseDocument:
         probabilities: of each hypothesis [-]; effects together are joined by `+`.
         inclusion: probability that an effect acts, alone or with others [-].
         closed: whether the most probable hypothesis closes the gap.
+        other_bed: probability that the bed of the muscle has another structure than the model's one
+            layer, with that hypothesis [-]; absent without waveforms.
         effects: the likeliest effects.
         where: parts of the data that disagree, given all conditions.
         where_after_rest_alone: the same with the base model calibrated at rest; None without.
@@ -217,6 +219,7 @@ class DiagnoseDocument:
     probabilities: dict[str, float]
     inclusion: dict[str, float]
     closed: bool
+    other_bed: float | Absent
     effects: list[EffectEntry]
     where: list[DataBlock]
     where_after_rest_alone: list[DataBlock] | None

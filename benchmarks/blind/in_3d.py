@@ -191,6 +191,8 @@ def beats_of(
     for drive, plain in zip(changed, usual, strict=True):
         moved = cause == NARROWED and drive.entry.kind != "rest"
         own = _narrowed(context) if moved else context
+        image = context.case.conditions["dobutamine"].P_systolic if moved else None
+        drive = drive._replace(P_image=image)
         same = fingerprint((drive.bed, drive.P_ostium)) == fingerprint((plain.bed, plain.P_ostium))
         label = f"{PLAIN if same and not moved else cause}{_mark(passes)}"
         context.progress.step(f"3D: {drive.entry.name}, {label}")
@@ -199,13 +201,9 @@ def beats_of(
 
 
 def _narrowed(context: RunContext) -> RunContext:
-    """The same with the mesh of the lumen under stress, which carries the pressure of its image."""
-    case, folder = context.case, context.folder / NARROWED
-    own, _ = open_context(case, folder, context.choice, context.progress, NARROW_STATE)
-    P_image = case.conditions["dobutamine"].P_systolic
-    rest = dataclasses.replace(case.conditions["rest"], P_diastolic=P_image)
-    case = dataclasses.replace(case, conditions={**case.conditions, "rest": rest})
-    return dataclasses.replace(own, case=case)
+    """The same with the mesh of the lumen under stress."""
+    folder = context.folder / NARROWED
+    return open_context(context.case, folder, context.choice, context.progress, NARROW_STATE)[0]
 
 
 def size_of(cause: str, rng: np.random.Generator, curve: tuple[float, ...]) -> float:

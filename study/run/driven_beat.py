@@ -62,12 +62,15 @@ class Drive(NamedTuple):
         bed: block behind the anomalous outlet.
         P_ostium: pressure wanted in the aorta at the ostium [dyn/cm²].
         difference: of the pressure at the ostium over that at the inlet, at `PHASES` [mmHg].
+        P_image: pressure of the blood in the image that the mesh is from [dyn/cm²]; None: see
+            `setup.image_pressure`.
     """
 
     entry: Condition
     bed: AbstractElement
     P_ostium: AbstractWaveform
     difference: Wave
+    P_image: float | None = None
 
     @property
     def P_inlet(self) -> AbstractWaveform:
@@ -75,6 +78,10 @@ class Drive(NamedTuple):
         t = PHASES * self.entry.period
         P = np.asarray(jax.vmap(self.P_ostium)(jnp.asarray(t))) - self.difference * MMHG
         return sampled(t, P, self.entry.period, kind="cubic")
+
+    def image_pressure(self, context: RunContext) -> float:
+        """Pressure of the blood in the image that the mesh is from [dyn/cm²]."""
+        return image_pressure(context.case, "rest") if self.P_image is None else self.P_image
 
 
 class DrivenBeat(NamedTuple):
@@ -128,7 +135,7 @@ def drive_key(context: RunContext, drive: Drive) -> str:
     solver = dataclasses.replace(case.solver, n_steps=None, cycles=None)
     entry = drive.entry.without_outcome()
     parts = (case.blood, case.wall, *case.beds, case.surrogate, case.windkessel, case.stress)
-    image = float(image_pressure(case, "rest"))
+    image = float(drive.image_pressure(context))
     given = (fingerprint(drive.bed), fingerprint(drive.P_inlet))
     step = context.choice.dt
     return stage_key(
@@ -166,7 +173,7 @@ def drive_setup(context: RunContext, drive: Drive) -> Setup:
     )
     inlet = drive.P_inlet
     ports = outlets.ports(inlet, mesh.openings)
-    model = case_model(case, mesh, ports, image_pressure(own, "rest"), keep=context.keep)
+    model = case_model(case, mesh, ports, drive.image_pressure(context), keep=context.keep)
     state = initial_state(model, p=inlet(0.0), blocks=outlets.starts_of(model.names))
     plan = plan_steps(case, name, dt=context.choice.dt, cycles=BEATS)
     return Setup(mesh, model, state, inlet, outlets, plan)

@@ -61,3 +61,8 @@ def test_what_fails_ahead_fails_where_it_is_called(monkeypatch):
     start = engine.base_start(batch)
     with engine.compiled_ahead(batch, numbers, effects), pytest.raises(ValueError, match="nothing"):
         engine.run_fits(batch, [0], [(0, -1)], start, numbers, effects)
+
+
+def test_each_optimum_is_fitted_once():
+    x = np.array([[0.0, 0.0], [1.0, 0.0], [0.1, 0.1], [0.1, 0.1], [1.0, 0.3]])
+    assert engine._distinct(x, np.array([0, 1, 0, 1, 1])).tolist() == [0, 1, 3, 4]

@@ -10,11 +10,12 @@ from benchmarks.foreign import layered
 from benchmarks.foreign.plain import in_batches
 from diagnosis import diagnose, measured
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.evidence import Whitened
+from diagnosis.evidence import Whitened, log_moment
 from diagnosis.form_columns import KINDS, Freedom
-from diagnosis.hypothesis import numbers_of, of_kind, uncertain_signals
+from diagnosis.hypothesis import Catalogue, numbers_of, of_kind, uncertain_signals
 from diagnosis.measured import Whitener, whitener_of
 from diagnosis.prediction import n_unknowns
+from diagnosis.scan import Linearised, score_scan
 from tests.diagnosis.records import clocked, synthetic
 
 C, G, R, Q, K, M, S = 3, 2, 18, 4, 4, 6, 5
@@ -100,6 +101,22 @@ def test_only_a_bed_of_another_structure_gives_the_base_model_a_freedom():
     assert [float(np.abs(of_kind(found, jnp.asarray(k)).shared).max()) > 0.0 for k in both] == [
         False, False, True,
     ]  # fmt: skip
+
+
+def test_a_scan_beside_a_freedom_gives_the_exact_evidence_of_what_it_adds():
+    e, J, G = RNG.normal(size=(C, D)), RNG.normal(size=(C, D, K)), RNG.normal(size=(C, D, 2))
+    e, J, G = (jnp.asarray(a) for a in (e, J, G))
+    numbers = Catalogue(jnp.ones(2), jnp.array([0.0, 1.0]), jnp.zeros(2))
+    scan = score_scan(Linearised(Whitened(e, J), G), numbers, FREEDOM)
+    alone = FREEDOM.posterior(Whitened(e, J), jnp.zeros(K)).log_evidence
+    found = {(0,): scan.log_B[0], (1,): scan.log_B[1], (0, 1): scan.pair_log_B[0, 1]}
+    for added, given in found.items():
+        n, at = len(added), jnp.array(added)
+        sided = jnp.zeros(K + n).at[-n:].set(numbers.one_sided[at])
+        after = FREEDOM.posterior(Whitened(e, jnp.concatenate([J, G[..., at]], axis=-1)), sided)
+        moments = log_moment(after.mean[-n:], jnp.diagonal(after.covariance)[-n:], sided[-n:])
+        exact = after.log_evidence - alone + jnp.sum(moments)
+        assert float(given) == pytest.approx(float(exact), rel=1e-8, abs=1e-8)
 
 
 @pytest.mark.slow

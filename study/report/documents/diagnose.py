@@ -219,7 +219,7 @@ class DiagnoseDocument:
     probabilities: dict[str, float]
     inclusion: dict[str, float]
     closed: bool
-    other_bed: float | Absent
+    other_bed: float | Absent = ABSENT
     effects: list[EffectEntry]
     where: list[DataBlock]
     where_after_rest_alone: list[DataBlock] | None

@@ -102,10 +102,10 @@ def to_do(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
         diagnosis: the diagnosis.
         conditions: names of the record's conditions.
     """
-    return [*_of_verdict(diagnosis, conditions), *_other_bed(diagnosis)]
+    return [*_of_verdict(diagnosis, conditions), *bed_remark(diagnosis)]
 
 
-def _other_bed(diagnosis: Diagnosis) -> list[str]:
+def bed_remark(diagnosis: Diagnosis) -> list[str]:
     """What it means that the bed of the muscle is not the model's."""
     if not diagnosis.record.n_sensors or diagnosis.other_bed < 0.5:
         return []

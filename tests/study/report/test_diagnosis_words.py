@@ -1,6 +1,10 @@
 """What a diagnosis says to people."""
 
-from study.report.diagnosis_words import doubts
+from types import SimpleNamespace
+
+import pytest
+
+from study.report.diagnosis_words import bed_remark, doubts
 
 
 def test_no_gap_beside_something_more_probable_says_so():
@@ -8,3 +12,13 @@ def test_no_gap_beside_something_more_probable_says_so():
     assert "something not in the catalogue has probability 0.62, no gap 0.29" in said
     assert "below 0.05" in said
     assert doubts({"none": 0.8, "unknown": 0.1, "back_pressure": 0.1}) == []
+
+
+@pytest.mark.parametrize(
+    ("probability", "sensors", "said"), [(0.97, 2, 1), (0.3, 2, 0), (0.97, 0, 0)]
+)
+def test_a_bed_of_another_structure_is_told(probability, sensors, said):
+    record = SimpleNamespace(n_sensors=sensors)
+    found = bed_remark(SimpleNamespace(record=record, other_bed=probability))
+    assert len(found) == said
+    assert all("is not the single layer of the model (probability 0.97)" in step for step in found)

@@ -33,6 +33,7 @@ from diagnosis.engine import (
     coloured_base_fits,
     compiled_ahead,
     no_progress,
+    rows,
     run_forcings,
     run_predictions,
     run_scans,
@@ -104,20 +105,15 @@ def diagnose(
     freed = np.array([b for b, d in enumerate(found) if needs_own_inlet(d)], int)
     if freed.size == 0:
         return [heeding_held_out(d) for d in found]
-    own, sound = inlet_freed(_rows(batch, freed), numbers, forms, progress)
+    own, sound = inlet_freed(rows(batch, freed), numbers, forms, progress)
     if not np.any(sound):
         return [heeding_held_out(d) for d in found]
-    own = _rows(own, np.flatnonzero(sound))
+    own = rows(own, np.flatnonzero(sound))
     with compiled_ahead(own, numbers, forms):
         again = _diagnosed(own, effects, forms, numbers, progress)
     for b, d in zip(freed[sound], again, strict=True):
         found[b] = with_own_inlet(found[b], d)
     return [heeding_held_out(d) for d in found]
-
-
-def _rows(batch: Measured, chosen: np.ndarray) -> Measured:
-    """Some records of a batch."""
-    return jax.tree.map(lambda leaf: leaf[chosen], batch)
 
 
 def _diagnosed(

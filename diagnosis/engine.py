@@ -46,7 +46,6 @@ QUICK_TO_COMPILE = {"xla_cpu_use_fusion_emitters": False}
 ProgressCallback = Callable[[str, int, int], None]
 """Called with the name of a step, the number of jobs done, 0 as it begins, and the total."""
 
-
 T = TypeVar("T")
 
 
@@ -75,11 +74,8 @@ def _block(job: Callable[..., Any]) -> Callable[..., Any]:
 
 
 _descend_block, _fit_block = _block(towards_optimum), _block(fit_about)
-_force_block = _block(forcing_evidence)
+_scan_block, _force_block = _block(scan_about), _block(forcing_evidence)
 _predict_block = _block(predictive_density)
-
-
-_scan_block = _block(scan_about)
 
 
 _pending: dict[tuple[Any, bool], Future[None]] = {}
@@ -146,7 +142,7 @@ def _compiled(program: Any, nonlinear: bool = False) -> None:
         begun.result()
 
 
-def _rows(arrays: T, at: np.ndarray) -> T:
+def rows(arrays: T, at: np.ndarray) -> T:
     """Some rows of arrays."""
     return jax.tree.map(lambda leaf: leaf[at], arrays)
 
@@ -164,8 +160,8 @@ def _in_blocks(
     for first in range(0, record.size, BLOCK):
         at = np.arange(first, min(first + BLOCK, record.size))
         padded = np.concatenate([at, np.full(BLOCK - at.size, at[-1])])
-        chosen = _rows(host, record[padded])
-        found = function(chosen, *_rows(arrays, padded))
+        chosen = rows(host, record[padded])
+        found = function(chosen, *rows(arrays, padded))
         parts.append(jax.tree.map(lambda leaf, n=at.size: np.asarray(leaf)[:n], found))
         advance(at.size)
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
@@ -211,7 +207,7 @@ def run_fits(
     progress(step, 0, whole)
     for steps in STEPS:
         at = owner[going]
-        given = _rows(found, going), fixed_size[at], np.full(going.size, steps)
+        given = rows(found, going), fixed_size[at], np.full(going.size, steps)
         come = calls(_descend_block, record[at], pairs[at], given, lambda count: None)
         for kept, new in zip(found, come, strict=True):
             kept[going] = new
@@ -228,7 +224,7 @@ def run_fits(
 
     advance = _counted(second_half, step, of.size)
     fits = calls(_fit_block, record[of], pairs[of], (found.x[at], fixed_size[of]), advance)
-    return _rows(fits, _likeliest(fits, of))
+    return rows(fits, _likeliest(fits, of))
 
 
 def _distinct(x: np.ndarray, owner: np.ndarray) -> np.ndarray:
@@ -267,7 +263,7 @@ def _by_kind(
         if at.size:
             _compiled(program, nonlinear)
             called = partial(program, numbers=numbers, effects=effects, nonlinear=nonlinear)
-            own = [pairs[at], *_rows(arrays, at)]
+            own = [pairs[at], *rows(arrays, at)]
             parts.append(_in_blocks(called, batch, record[at], own, advance))
             order.append(at)
     back = np.argsort(np.concatenate(order))

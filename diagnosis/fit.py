@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
+from diagnosis.circuit import SensorSpectra
 from diagnosis.descent import Descent, descend
 from diagnosis.effects import Effect
 from diagnosis.evidence import Whitened
@@ -178,16 +179,23 @@ def fit_about(
     found = likeliest_kind(points, linears, freedoms, pair, sided)
     x = points[found.at]
     beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
-    own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
-    waves = jax.vmap(lambda case, own: as_waves(beat(case, own)))(condition_settings(measured), own)
     sd = jnp.sqrt(jnp.diagonal(found.after.covariance)[k:])
     sd = sd * (places_of(numbers, pair) @ numbers.sd)
-    sound = jnp.isfinite(found.log_Z) & jnp.isfinite(chi2 := jnp.sum(found.residual**2))
+    chi2 = jnp.sum(found.residual**2)
+    sound = jnp.isfinite(found.log_Z) & jnp.isfinite(chi2)
     log_Z = jnp.where(sound, found.log_Z, -jnp.inf)
     cost = jnp.sum((linears.e[0] - linears.J[0] @ points[0]) ** 2) + jnp.sum(points[0] ** 2)
     x = x.at[k].set(jnp.where(jnp.isnan(fixed_size), x[k], fixed_size))
     sizes = effect_sizes(numbers, pair, x[k:])
     return Fitted(
-        x, optimum, log_Z, found.kinds, chi2, found.misfit, cost, found.residual, sizes, sd, waves,
-        sound,
+        x, optimum, log_Z, found.kinds, chi2, found.misfit, cost, found.residual, sizes, sd,
+        _waves(measured, beat, points[found.at]), sound,
     )  # fmt: skip
+
+
+def _waves(
+    measured: Measured, beat: Callable[..., SensorSpectra], x: Float[Array, " k"]
+) -> Float[Array, "c 3 n"]:
+    """Predicted signals of the sensors in all conditions."""
+    own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
+    return jax.vmap(lambda case, own: as_waves(beat(case, own)))(condition_settings(measured), own)

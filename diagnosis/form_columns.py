@@ -90,13 +90,18 @@ class Freedom(NamedTuple):
 
     def dense(self) -> Float[Array, "c d n"]:
         """All columns whose coefficients each condition has for itself, whitened."""
-        C, g, r, m = self.own.shape
-        q = self.scalars.shape[-1]
-        columns = jnp.zeros((C, g * r + q, g * m + q))
-        for k in range(g):
-            columns = columns.at[:, k * r : (k + 1) * r, k * m : (k + 1) * m].set(self.own[:, k])
-        columns = columns.at[:, g * r :, g * m :].set(jax.vmap(jnp.diag)(self.scalars))
-        return self.whitener.uncorrelated(columns)
+        return self.whitener.uncorrelated(_block_diagonal(self.own, self.scalars))
+
+
+def _block_diagonal(
+    own: Float[Array, "c g r m"], scalars: Float[Array, "c q"]
+) -> Float[Array, "c d n"]:
+    """Columns of groups of rows, and a number for each of the last rows, side by side."""
+    C, g, r, m = own.shape
+    columns = jnp.zeros((C, g * r + scalars.shape[1], g * m + scalars.shape[1]))
+    for k in range(g):
+        columns = columns.at[:, k * r : (k + 1) * r, k * m : (k + 1) * m].set(own[:, k])
+    return columns.at[:, g * r :, g * m :].set(jax.vmap(jnp.diag)(scalars))
 
 
 def form_freedom(
@@ -124,8 +129,7 @@ def form_freedom(
     scalars, shared_scalars = jnp.sqrt(scalar_power), jnp.sqrt(shared_scalar_power)
     C, S, r, m = own.shape
     none = jnp.zeros((C, min(S, 1) * r, shared.shape[1] * m + scalars.shape[1]))
-    plain = Freedom(shared, shared_scalars, shared, Whitener(W.weight))
-    together = jnp.concatenate([none, plain.dense()], axis=1)
+    together = jnp.concatenate([none, _block_diagonal(shared, shared_scalars)], axis=1)
     weight = W.weight[:, : S * r].reshape(C, S, r, 1)
     return Freedom(weight * own, W.weight[:, S * r :] * scalars, W.columns(together), W)
 

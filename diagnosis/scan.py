@@ -148,14 +148,8 @@ def scan_about(
 ) -> Scan:
     """Score scan about a fitted hypothesis, beside the freedom of its likeliest equations.
 
-    Args:
-        measured: the record.
-        effects: the catalogue (static).
-        numbers: of the catalogue.
-        pair: positions of the hypothesis's effects, −1 for none.
-        x: its posterior mean, standardised.
-        kinds: probabilities of what its equations are.
-        nonlinear: True where any effect makes the ostium nonlinear (static).
+    Arguments are those of `hypothesis.likeliest_freedom`, x being its posterior mean; nonlinear is
+    True where any effect makes the ostium nonlinear.
     """
     sizes = effect_sizes(numbers, pair, x[n_unknowns(measured) :])
     found = linearise(measured, effects, numbers, x, sizes, nonlinear=nonlinear)

@@ -23,7 +23,7 @@ inputs = {
     "P_systolic": Normal(140.0 * MMHG, 5.0 * MMHG),
     "K": LogNormal(940.0, 0.3),
 }
-found = uncertainty(lambda x: patient.with_values(x)(), inputs, n_samples=2**9)
+found = uncertainty(lambda x: patient.with_values(x)(), inputs, n_samples=2**7)
 
 # %% The interval, its causes, and what would shrink it
 low, high = found.interval()

@@ -17,12 +17,15 @@ PROMISES = {
     "elastic_tube": ["mean pressure", "Ohm"],
     "wall_and_blood": ["Newtonian", "Carreau-Yasuda", "viscoelastic", "supported"],
     "wall_alone": ["Newton steps", "by Lamé"],
-    "mesh_from_contours": ["tetrahedra", "anomalous_outlet", "patient.vtu"],
     "fsi_gradient": ["dP / d log E", "wider by 0.1 mm"],
     "alpha_in_loop": ["Pd/Pa in 3D", "reached 0.91 within 0.002: True"],
     "ffr_interval": ["FFR 0.8", "chance of 0.80", "dilation", "of the variance"],
     "ffr_gradient": ["FFR under stress", "resting ratio", "with K"],
 }
+PROMISES_LONG = {
+    "mesh_from_contours": ["tetrahedra", "anomalous_outlet", "patient.vtu"],
+}
+"""Examples that only the slow tests and the build of the site run."""
 LEARNT = {
     "first_report": ["anomalous-rca-ivus", "dobutamine", "resting ratio 0.9100"],
     "from_surface": ["lumen.stl", "tetrahedra", "interface, outer_wall"],
@@ -39,7 +42,7 @@ LEARNT_LONG = {
 
 
 def test_every_example_is_tested():
-    assert {path.stem for path in EXAMPLES.glob("*.py")} == set(PROMISES)
+    assert {path.stem for path in EXAMPLES.glob("*.py")} == {*PROMISES, *PROMISES_LONG}
     assert {path.stem for path in TUTORIALS.glob("*.py")} == {*LEARNT, *LEARNT_LONG}
 
 
@@ -64,6 +67,12 @@ def test_example_runs(name, capsys):
 @pytest.mark.parametrize("name", sorted(LEARNT))
 def test_tutorial_runs(name, capsys):
     _check(TUTORIALS / f"{name}.py", LEARNT[name], capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(PROMISES_LONG))
+def test_long_example_runs(name, capsys):
+    _check(EXAMPLES / f"{name}.py", PROMISES_LONG[name], capsys)
 
 
 @pytest.mark.slow

@@ -214,7 +214,7 @@ def widening(found) -> float:
 
 
 def test_damping_and_tissue_hold_the_wall(ended):
-    soft = "[wall]\nE_dyn_per_cm2 = 3e6\n"
+    soft = '[wall]\nprestress = "none"\nE_dyn_per_cm2 = 3e6\n'
     free = widening(ended(soft))
     damped = widening(ended(f"{soft}damping_poise = 1e5\n"))
     held = widening(ended(f"{soft}[tissue]\nstiffness_dyn_per_cm3 = 3e6\n"))

@@ -11,7 +11,7 @@ Baselines answer from the base model's fit alone; two of them learn from own sim
     python -m benchmarks.foreign train FOLDER --records N --seed S
     python -m benchmarks.foreign answer OUT --method regime | boosted | amortised --training FOLDER
 
-Another method enters by writing OUT/answers-NAME.json, see `benchmarks.foreign.answers`.
+Another method enters by writing OUT/answers-NAME.json, see docs/benchmarks/foreign.md.
 """
 
 import argparse
@@ -80,13 +80,13 @@ def _parser() -> argparse.ArgumentParser:
     )
     actions = parser.add_subparsers(dest="action", required=True)
     action = actions.add_parser("make", help="write records and their sealed labels")
-    action.add_argument("out", type=pathlib.Path)
+    action.add_argument("out", type=pathlib.Path, help="new folder of the set")
     action.add_argument("--generator", choices=GENERATORS, required=True)
-    action.add_argument("--records", type=int, default=150)
-    action.add_argument("--seed", type=int, default=1)
+    action.add_argument("--records", type=int, default=150, help="how many (150)")
+    action.add_argument("--seed", type=int, default=1, help="another one gives other records (1)")
     action = actions.add_parser("answer", help="diagnose a set, or answer it by a baseline")
     action.add_argument("out", type=pathlib.Path)
-    action.add_argument("--records", type=int)
+    action.add_argument("--records", type=int, help="only the first so many")
     action.add_argument("--method", choices=("diagnosis", *METHODS), default="diagnosis")
     action.add_argument("--training", type=pathlib.Path, help="what `train` has written")
     action = actions.add_parser("train", help="simulate what baselines learn from")
@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     action.add_argument("--records", type=int)
     action = actions.add_parser("score", help="score answers against the labels")
     action.add_argument("out", type=pathlib.Path, nargs="+")
-    action.add_argument("--method", default="diagnosis")
+    action.add_argument("--method", default="diagnosis", help="NAME of the answers (diagnosis)")
     action.add_argument("--misses", action="store_true", help="list every wrong answer")
     action = actions.add_parser("compare", help="score several methods, one column each")
     action.add_argument("out", type=pathlib.Path, nargs="+")

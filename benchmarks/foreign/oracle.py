@@ -25,13 +25,14 @@ from scipy.special import logsumexp
 
 from benchmarks.foreign import catalogue, zerod_forms
 from benchmarks.foreign.branches import MOST_NODES, evidences
+from benchmarks.foreign.check import WAVEFORM
 from benchmarks.foreign.clock import Seen
 from benchmarks.foreign.effect_runs import Bench, bench
 from benchmarks.foreign.patient import ALPHA_NOMINAL, PRIOR_SD_LOG, STATED_SD
 from benchmarks.foreign.record import ForeignRecord, Scene
 from benchmarks.foreign.replay import Drawer
 from benchmarks.foreign.schedule import EFFECTS
-from benchmarks.foreign.score import HELD, WAVEFORM
+from benchmarks.foreign.score import HELD
 from benchmarks.foreign.waves import assumed_aorta
 from lumped.nominal import C0_NOMINAL, NOMINAL
 from lumped.units import MMHG

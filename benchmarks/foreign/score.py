@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.blind.score import expected_calibration_error, wilson
+from benchmarks.foreign.check import WAVEFORM, read_answers
 from benchmarks.foreign.regret import gap_closed, log_regret
 
 HELD = {
@@ -25,9 +26,6 @@ HELD = {
     "outside:ringing_catheter": "catheter_damping",
 }
 """Kinds outside the generators' list that the catalogue of effects holds."""
-
-WAVEFORM = "aortic_waveform"
-"""The effect that an aortic waveform of another family is."""
 
 VISIBLE = 3.0
 """Visibility λ from which an effect can be asked for."""
@@ -43,16 +41,10 @@ def joined(folder: pathlib.Path, name: str) -> list[Row]:
         name: of the method: `answers-NAME.json` lies in the folder.
 
     Raises:
-        ValueError: an answer is for a record that the set does not have.
+        ValueError: an answer is not as it has to be, see `read_answers`.
     """
-    labels = json.loads((folder / "labels.json").read_text(encoding="utf-8"))["records"]
-    answers = json.loads((folder / f"answers-{name}.json").read_text(encoding="utf-8"))
-    unknown = sorted(set(answers) - set(labels))
-    if unknown:
-        raise ValueError(
-            f"answers-{name}.json holds {', '.join(unknown[:5])}, which the set does not have. "
-            "Name records as their folders."
-        )
+    labels = labels_of(folder)
+    answers = read_answers(folder / f"answers-{name}.json", labels)
     rows = []
     for record, answer in sorted(answers.items()):
         label = labels[record]
@@ -62,8 +54,13 @@ def joined(folder: pathlib.Path, name: str) -> list[Row]:
             truth, lam = WAVEFORM, float(label["background"]["lambda"])
         if family != "assumed" and truth != WAVEFORM:
             answer = _without(answer, WAVEFORM)
-        rows.append({"record": record, "truth": truth, "lambda": lam, "label": label, **answer})
+        rows.append({**answer, "record": record, "truth": truth, "lambda": lam, "label": label})
     return rows
+
+
+def labels_of(folder: pathlib.Path) -> dict[str, Row]:
+    """Labels of a set by record."""
+    return json.loads((folder / "labels.json").read_text(encoding="utf-8"))["records"]
 
 
 def _without(answer: Row, effect: str) -> Row:
@@ -170,12 +167,19 @@ def misses(rows: list[Row]) -> list[str]:
 
 def table(folders: list[pathlib.Path], name: str) -> str:
     """Figures of a method over sets, apart and together, as a Markdown table."""
-    sets = {folder.name: joined(folder, name) for folder in folders}
-    oracles = {folder.name: against_oracle(folder, sets[folder.name]) for folder in folders}
+    names = [folder.name for folder in folders]
+    columns = names if len(set(names)) == len(names) else [str(folder) for folder in folders]
+    sets = {c: joined(folder, name) for c, folder in zip(columns, folders, strict=True)}
+    sizes = {c: len(labels_of(folder)) for c, folder in zip(columns, folders, strict=True)}
+    oracles = {
+        c: against_oracle(folder, sets[c]) for c, folder in zip(columns, folders, strict=True)
+    }
     if len(sets) > 1:
+        sizes["all"] = sum(sizes.values())
         sets["all"] = [row for rows in sets.values() for row in rows]
         oracles["all"] = [pair for pairs in oracles.values() for pair in pairs]
-    return _markdown(name, sets, oracles)
+    answered = {c: {"answered": f"{len(rows)} of {sizes[c]}"} for c, rows in sets.items()}
+    return _markdown(name, sets, oracles, answered)
 
 
 def comparison(folders: list[pathlib.Path], names: list[str]) -> str:
@@ -201,7 +205,10 @@ def comparison(folders: list[pathlib.Path], names: list[str]) -> str:
 
 
 def _markdown(
-    head: str, columns: dict[str, list[Row]], oracles: dict[str, list[tuple[Row, Row]]]
+    head: str,
+    columns: dict[str, list[Row]],
+    oracles: dict[str, list[tuple[Row, Row]]],
+    first: dict[str, dict[str, str]] | None = None,
 ) -> str:
     """A table with one line a figure and one column a group of answers.
 
@@ -209,8 +216,11 @@ def _markdown(
         head: of the first column.
         columns: answers.
         oracles: those of which the oracle's are known, with these; without any, no regret is shown.
+        first: figures above all others, by column.
     """
-    figures = {label: score(rows) for label, rows in columns.items()}
+    figures = {
+        label: {**(first[label] if first else {}), **score(rows)} for label, rows in columns.items()
+    }
     if any(oracles.values()):
         figures = {label: {**f, **regret(oracles[label])} for label, f in figures.items()}
     lines = [f"| {head} | " + " | ".join(figures) + " |", "|---" * (len(figures) + 1) + "|"]

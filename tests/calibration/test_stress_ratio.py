@@ -142,7 +142,9 @@ def test_derivatives_by_what_stress_does(name):
         return jnp.stack([moved(), moved.flow_reserve()])
 
     step = 1e-4 * jnp.diag(middle)
-    ends = eqx.filter_jit(jax.vmap(both))(jnp.concatenate([middle[None] + step, middle[None] - step]))
+    ends = eqx.filter_jit(jax.vmap(both))(
+        jnp.concatenate([middle[None] + step, middle[None] - step])
+    )
     differences = (ends[:2] - ends[2:]) / (2.0 * jnp.diag(step)[:, None])
     slopes = eqx.filter_jit(jax.jacfwd(both))(middle)
     # second order in the step, with periodic states solved to 1e-9 and better

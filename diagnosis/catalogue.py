@@ -135,6 +135,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="intramyocardial_pump", place="pump", unit="-", sd=0.4,
+        tolerance=GUESSED_FORM,
         change=lambda c, size: c._replace(P_LV=c.P_LV * (1.0 + size)),
         equation="P_LV (1 + φ)",
         sentence="the heart muscle squeezes its vessels more (or less) than assumed",
@@ -198,7 +199,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="catheter_damping", place="sensor", unit="s", sd=0.015, one_sided=True,
-        tolerance=CRUDE_FORM,
+        tolerance=CRUDE_FORM, two_starts=True,
         change=Added("aortic_lag"),
         equation="τ dP_seen/dt + P_seen = P_aorta, τ = φ",
         sentence="the fluid-filled catheter smooths the aortic trace",
@@ -218,6 +219,7 @@ _FIRST_FORMS = (
     ),
     Effect(
         id="signal_delay", place="sensor", unit="s", sd=0.02,
+        tolerance=GUESSED_FORM,
         change=Added("distal_delay"),
         equation="P_distal(t − φ)",
         sentence="the distal trace is shifted in time against the aortic one",

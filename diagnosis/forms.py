@@ -34,6 +34,19 @@ states the times of the ventricle in parts of the beat too."""
 RINGING, UNDERDAMPED, DAMPED = 0.12, 0.25, 0.7
 """Damping ratios of fluid-filled catheters: 0.07 to 0.7."""
 
+PEAK_PRESSURE = 80.0
+"""Size at which the phase of the aortic pressure moves by t/T ln(t/T) [mmHg]; assumed. The expected
+size moves the peak by 0.02 beats."""
+
+_WARP = PHASE * np.log(np.maximum(PHASE, 1e-12))
+
+_UPSTROKE = np.exp(-0.5 * ((PHASE - 0.148) / 0.05) ** 2)
+_UPSTROKE /= _UPSTROKE.sum()
+"""Weights of samples round the middle of the upstroke, by which beats are aligned."""
+
+_ALIGNMENTS = 3
+"""Passes of the alignment."""
+
 _FALL = 1.0 / (1.0 + np.exp(-(PHASE - 0.18) / 0.02)) / (1.0 + np.exp((PHASE - 0.8) / 0.02))
 """Part of the beat in which the ventricular pressure falls: 1 there, 0 while it rises."""
 
@@ -124,6 +137,13 @@ def stated_zero(c: Circuit, size: Array) -> Circuit:
     )
 
 
+def other_peak(c: Circuit, size: Array) -> Circuit:
+    """An aortic pressure that rises earlier, or later, and peaks so; to first order in the size."""
+    turn = 2.0 * jnp.pi * jnp.arange(HARMONICS + 1, dtype=float)
+    slope = samples(harmonics(c.P_inlet) * jax.lax.complex(jnp.zeros_like(turn), turn))
+    return c._replace(P_inlet=c.P_inlet + size / PEAK_PRESSURE * jnp.asarray(_WARP) * slope)
+
+
 def drift(shape: Callable[[Array], Array]) -> Change:
     """A distal offset of φ mmHg times a function of the order of acquisition."""
     return lambda c, size: c._replace(distal_offset=c.distal_offset + shape(c.order) * size * MMHG)
@@ -138,6 +158,46 @@ def resonance(sensor: str, damping: float) -> Change:
         return c._replace(**{lag: getattr(c, lag) + size, inertia: getattr(c, inertia) + more})
 
     return change
+
+
+def aligned(seen: Change) -> Change:
+    """A slow aortic sensor where beats start at the upstroke of its own trace.
+
+    The starts are late by as much as the upstroke: what is left is the shape of the aortic trace,
+    and a distal one that seems to be early.
+    """
+
+    def change(c: Circuit, size: Array) -> Circuit:
+        c = seen(c, size)
+        late = _lateness(c)
+        return c._replace(aortic_delay=c.aortic_delay - late, distal_delay=c.distal_delay - late)
+
+    return change
+
+
+def _lateness(c: Circuit) -> Array:
+    """How late the upstroke of the aortic trace is [s], whatever its height.
+
+    Least squares of the true pressure on the seen one s and its slope: m = a s + b s′, b/a later.
+    """
+    omega = 2.0 * jnp.pi / c.period * jnp.arange(HARMONICS + 1, dtype=float)
+    turn = jax.lax.complex(jnp.zeros_like(omega), omega)
+    true = harmonics(c.P_inlet)
+    seen = true / jax.lax.complex(1.0 - omega**2 * c.aortic_inertia, omega * c.aortic_lag)
+    late, m = jnp.zeros(()), samples(true)
+    for _ in range(_ALIGNMENTS):
+        moved = seen * jax.lax.complex(jnp.cos(omega * late), jnp.sin(omega * late))
+        s, slope = samples(moved), samples(moved * turn)
+        ss, sd, dd = _covariance(s, s), _covariance(s, slope), _covariance(slope, slope)
+        sm, dm = _covariance(s, m), _covariance(slope, m)
+        late = late + (ss * dm - sd * sm) / (dd * sm - sd * dm)
+    return late
+
+
+def _covariance(a: Array, b: Array) -> Array:
+    """Covariance of two waveforms round the upstroke."""
+    weight = jnp.asarray(_UPSTROKE)
+    return jnp.dot(weight, a * b) - jnp.dot(weight, a) * jnp.dot(weight, b)
 
 
 FORMS: dict[str, tuple[Form, ...]] = {
@@ -206,6 +266,10 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("aortic", UNDERDAMPED)),
         Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", resonance("aortic", DAMPED)),
         Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", resonance("aortic", RINGING)),
+        Form("aligned", "lag φ, beats from the upstroke of the trace",
+             aligned(Added("aortic_lag"))),
+        Form("aligned, underdamped", "second order, ζ = 0.25, beats from the upstroke of the trace",
+             aligned(resonance("aortic", UNDERDAMPED))),
     ),
     "distal_damping": (
         Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("distal", UNDERDAMPED)),
@@ -223,6 +287,7 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("narrow", "bell of width 0.015 beats", Bell(0.40, 0.015)),
         Form("incisura", "dip and rebound at 0.4 beats", Bell(0.40, 0.03, rebound=True)),
         Form("diastolic wave", "bell of width 0.06 beats at 0.55", Bell(0.55, 0.06)),
+        Form("another peak", "P_aorta + φ/80 t ln(t/T) dP_aorta/dt", other_peak),
     ),
 }  # fmt: skip
 """Further forms by id of the effect."""

@@ -1,9 +1,9 @@
 """Fits of single effects: the first form of each, and further forms where they may matter.
 
 The scan about the base optimum predicts how much better another form of an effect would do than its
-first one. A form is fitted where that prediction comes near the best effect of the record; the
-others get the predicted evidence, at most that of the first form. Records without waveforms hardly
-tell forms apart: there all are predicted.
+first one. A form is fitted where that prediction comes near the best effect of the record, or its
+scan near the best one; the others get the predicted evidence, at most that of the first form.
+Records without waveforms hardly tell forms apart: there all are predicted.
 
 A fit starts from the base optimum. Where an unknown of the patient has gone far from its prior
 there, it stands in for what the base model lacks, and a fit of the effect itself may stay: a damped
@@ -62,7 +62,10 @@ def single_fits(
     expected = log_B + scanned - scanned[:, first][:, causes.of]
     best = expected.max(axis=1, keepdims=True)
     further = ~np.isin(np.arange(F), first)[None, :]
-    wanted = further & (expected > np.maximum(best - NEAR, WORTH_PAIRING))
+    near = expected > np.maximum(best - NEAR, WORTH_PAIRING)
+    # a first form that is far from what happened tells nothing of the others
+    near |= scanned > np.maximum(scanned.max(axis=1, keepdims=True) - NEAR, WORTH_PAIRING)
+    wanted = further & near
     if not batch.n_sensors:
         wanted[:] = False
     every = jax.tree.map(lambda leaf: np.asarray(leaf)[row.ravel()], fits)
@@ -78,9 +81,9 @@ def single_fits(
     starts = np.where(
         strange[:, None], every.optimum[record * F + form], np.asarray(base.optimum)[record]
     )
-    far = np.flatnonzero(np.array([effect.two_starts for effect in forms])[form])
     more = run_fits(
-        batch, record, positions, starts, numbers, forms, further=[(far, _expected(starts[far]))],
+        batch, record, positions, starts, numbers, forms,
+        further=_elsewhere(starts, record, form, base, forms),
         step="fitting further forms", progress=progress,
     )  # fmt: skip
 
@@ -115,13 +118,10 @@ def _first_fits(
     if np.any(free):
         record_of, effect_of = record[free], positions[free, 0]
         start = np.asarray(base.optimum)[record_of]
-        two = np.flatnonzero(np.array([effect.two_starts for effect in forms])[effect_of])
-        far = np.flatnonzero(strained(base)[record_of])
-        none = np.zeros((far.size, start.shape[1]))
-        further = [(two, _expected(start[two])), (far, none), (far, _expected(none))]
         parts.append(
             run_fits(
-                batch, record_of, positions[free], start, numbers, forms, further=further,
+                batch, record_of, positions[free], start, numbers, forms,
+                further=_elsewhere(start, record_of, effect_of, base, forms),
                 step="fitting every effect", progress=progress,
             )
         )  # fmt: skip
@@ -136,3 +136,17 @@ def _expected(starts: np.ndarray) -> np.ndarray:
     moved = starts.copy()
     moved[:, -2] = EXPECTED
     return moved
+
+
+def _elsewhere(
+    starts: np.ndarray,
+    record: np.ndarray,
+    form: np.ndarray,
+    base: Fitted,
+    forms: tuple[Effect, ...],
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Further starts of fits, see `run_fits`: at the expected size, and from the priors' means."""
+    two = np.flatnonzero(np.array([effect.two_starts for effect in forms])[form])
+    far = np.flatnonzero(strained(base)[record])
+    none = np.zeros((far.size, starts.shape[1]))
+    return [(two, _expected(starts[two])), (far, none), (far, _expected(none))]

@@ -20,6 +20,7 @@ from lumped import (
     solve_periodic,
     stress_rule,
 )
+from study.case.onsets import find_upstrokes
 from tests.diagnosis.records import settings
 
 FORMS = all_forms(CATALOGUE)
@@ -149,6 +150,22 @@ def test_forms_of_an_effect_share_its_id_and_differ_in_what_they_do():
         seen = [jax.vmap(partial(shown, form=form))(cases) for form in own]
         for k, other in enumerate(seen[1:]):
             assert float(jnp.max(jnp.abs(other - seen[k]))) > 0.01 * MMHG, own[k + 1].form
+
+
+def test_aligned_catheter_leaves_the_upstroke_where_beats_are_cut():
+    period = float(case().period)
+    effects = {e.form: e for e in FORMS if e.id == "catheter_damping"}
+
+    def upstroke(form, ms):
+        beat = predict(case(), OWN, (effects[form],), jnp.asarray([1e-3 * ms]))
+        P = np.tile(np.asarray(as_waves(beat))[0] / MMHG, 5)
+        return np.mean(find_upstrokes(np.arange(P.size) * period * 5 / P.size, P, period).at)
+
+    true = upstroke("", 0.0)
+    assert 1e3 * (upstroke("", 20.0) - true) > 15.0
+    # beats are cut by the steepest point of a smoothed trace, which ringing moves by some ms
+    for form, ms, off in (("aligned", 40.0, 2.0), ("aligned, underdamped", 10.0, 4.0)):
+        assert 1e3 * abs(upstroke(form, ms) - true) < off, form
 
 
 @pytest.mark.parametrize("effect", FORMS, ids=named)

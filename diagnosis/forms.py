@@ -39,6 +39,7 @@ PEAK_PRESSURE = 80.0
 size moves the peak by 0.02 beats."""
 
 _WARP = PHASE * np.log(np.maximum(PHASE, 1e-12))
+"""t/T ln(t/T): nothing at both ends of the beat."""
 
 _UPSTROKE = np.exp(-0.5 * ((PHASE - 0.148) / 0.05) ** 2)
 _UPSTROKE /= _UPSTROKE.sum()

@@ -47,9 +47,6 @@ if _OWNER:
 jax.config.update("jax_compilation_cache_dir", os.environ[COMPILED])
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
-MOST_MAPS = 12_000
-"""Memory maps of a process from which compiled code is released."""
-
 PACKAGES = ("lumped", "jaxfsi", "calibration", "diagnosis", "study")
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -79,25 +76,15 @@ def pytest_unconfigure() -> None:
 
 @pytest.fixture(autouse=True, scope="module")
 def _compiled_code_released() -> Iterator[None]:
-    """Release compiled code after a file where there is much of it.
+    """Release compiled code after each file; what other files need again comes from the cache.
 
     A process may have 65 530 memory maps on Linux, and each compiled function takes several: with
-    the code of all files kept, the process ends with a fault. What other files need again comes
-    from the cache, but has to be traced anew.
+    the code of all files kept, the process ends with a fault.
     """
     yield
-    if _memory_maps() > MOST_MAPS:
-        eqx.clear_caches()
-        jax.clear_caches()
+    eqx.clear_caches()
+    jax.clear_caches()
     gc.collect()
-
-
-def _memory_maps() -> float:
-    """Number of memory maps of this process; no end of them where the system does not tell."""
-    try:
-        return pathlib.Path("/proc/self/maps").read_bytes().count(b"\n")
-    except OSError:
-        return float("inf")
 
 
 @pytest.fixture(scope="session")

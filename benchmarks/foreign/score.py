@@ -167,13 +167,11 @@ def misses(rows: list[Row]) -> list[str]:
 
 def table(folders: list[pathlib.Path], name: str) -> str:
     """Figures of a method over sets, apart and together, as a Markdown table."""
-    names = [folder.name for folder in folders]
-    columns = names if len(set(names)) == len(names) else [str(folder) for folder in folders]
-    sets = {c: joined(folder, name) for c, folder in zip(columns, folders, strict=True)}
-    sizes = {c: len(labels_of(folder)) for c, folder in zip(columns, folders, strict=True)}
-    oracles = {
-        c: against_oracle(folder, sets[c]) for c, folder in zip(columns, folders, strict=True)
-    }
+    alike = len({folder.name for folder in folders}) < len(folders)
+    places = {str(folder) if alike else folder.name: folder for folder in folders}
+    sets = {column: joined(folder, name) for column, folder in places.items()}
+    sizes = {column: len(labels_of(folder)) for column, folder in places.items()}
+    oracles = {c: against_oracle(folder, sets[c]) for c, folder in places.items()}
     if len(sets) > 1:
         sizes["all"] = sum(sizes.values())
         sets["all"] = [row for rows in sets.values() for row in rows]

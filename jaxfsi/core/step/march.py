@@ -110,12 +110,43 @@ def _march(model: Model, state: State, stepper: Stepper, n_steps: int, recompute
     outer = -(-n_steps // inner)
     index = jnp.arange(outer * inner).reshape(outer, inner)
     zero = jnp.zeros((), int)
-    start = (state, zero, RESULTS.successful, no_report())
+    start = (_filled(state, model, stepper), zero, RESULTS.successful, no_report())
 
     def group(carry, indices):
         return jax.lax.scan(one, carry, indices)
 
-    outside = jax.checkpoint(group) if recompute else group
-    (state, done, result, _), history = jax.lax.scan(outside, start, index)
-    history = jax.tree.map(lambda h: h.reshape(outer * inner, *h.shape[2:])[:n_steps], history)
+    if outer == 1:
+        (state, done, result, _), history = group(start, index[0])
+    else:
+        (state, done, result, _), history = jax.lax.scan(jax.checkpoint(group), start, index)
+        history = jax.tree.map(lambda h: h.reshape(outer * inner, *h.shape[2:])[:n_steps], history)
     return March(state, history, done, result)
+
+
+@eqx.filter_custom_jvp
+def _filled(state: State, model: Model, stepper: Stepper) -> State:
+    """The state, where all that a step changes has a tangent if anything has.
+
+    JAX differentiates a loop again for each pass after which more of its carry has a tangent:
+    three times from a state that has none.
+    """
+    del model, stepper
+    return state
+
+
+@_filled.def_jvp
+def _(primals, tangents):
+    state, _, stepper = primals
+    zero = 0.0 * sum(jnp.sum(change) for change in jax.tree.leaves(tangents))
+    change = tangents[0]
+
+    def changed(s: State):
+        mesh = () if stepper.motion is None else (s.d_mesh,)
+        fields = (s.u, s.a, s.d, s.p, s.u_before, s.p_before, s.d_before, *mesh)
+        return (*fields, *s.blocks, s.P_port, s.Q_port)
+
+    full = tuple(
+        jnp.broadcast_to(zero, value.shape) if tangent is None else tangent
+        for value, tangent in zip(changed(state), changed(change), strict=True)
+    )
+    return state, eqx.tree_at(changed, change, full, is_leaf=lambda leaf: leaf is None)

@@ -162,7 +162,7 @@ def _stacked_bytes(jaxpr, length):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
-def test_reverse_mode_keeps_two_states_a_step_and_no_factors(model, stepper):
+def test_reverse_mode_keeps_a_state_a_step_and_no_factors(model, stepper):
     state, n_steps = initial_state(model), 7
 
     def pressure(p):
@@ -172,7 +172,7 @@ def test_reverse_mode_keeps_two_states_a_step_and_no_factors(model, stepper):
     size = sum(leaf.nbytes for leaf in jax.tree.leaves(state))
     factors = sum(leaf.nbytes for leaf in jax.tree.leaves(stepper))
     assert factors > 10 * size
-    assert size < _stacked_bytes(gradient.jaxpr, n_steps) < 2 * size
+    assert size / 2 < _stacked_bytes(gradient.jaxpr, n_steps) < 2 * size
 
 
 @pytest.mark.slow

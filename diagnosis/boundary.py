@@ -20,15 +20,13 @@ import numpy as np
 
 from diagnosis.circuit import (
     ELASTIC_SHARE,
-    PHASE,
     Circuit,
     SensorSpectra,
     autoregulated,
     bypass_conductance,
-    harmonics,
-    samples,
     sensed,
 )
+from diagnosis.spectra import PHASE, harmonics, samples
 from lumped.extended_coronary import ExtendedCoronary
 from lumped.waveforms import Sampled, sampled
 
@@ -84,7 +82,7 @@ def sensor_traces(circuit: Circuit, P_aorta: np.ndarray, P_distal: np.ndarray) -
 
     Args:
         circuit: gives the sensors' offsets, gain, lag and delay.
-        P_aorta: true pressure in the aorta at `circuit.PHASE` [dyn/cm²].
+        P_aorta: true pressure in the aorta at `spectra.PHASE` [dyn/cm²].
         P_distal: true pressure behind the ostium there [dyn/cm²].
 
     Returns:

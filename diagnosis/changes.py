@@ -1,4 +1,4 @@
-"""Changes of a circuit that many effects make: a factor, a sum, a bell on the aortic pressure.
+"""Changes of a circuit that many effects make: a factor, a sum, a slow sensor, a bell on the aorta.
 
 They are told by their numbers, so that the changes of all effects of a catalogue are summed up
 before they are applied: a chain of fifty closures takes minutes to compile, a sum seconds. Any
@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from diagnosis.circuit import PHASE, Circuit
+from diagnosis.circuit import Circuit
+from diagnosis.spectra import PHASE
 from lumped.units import MMHG
 
 Change = Callable[[Circuit, Float[Array, ""]], Circuit]
@@ -52,6 +53,22 @@ class Added(NamedTuple):
         return _summed(circuit, [self], jnp.reshape(size, (1,)))
 
 
+class Resonance(NamedTuple):
+    """A second-order sensor of the natural frequency ω₀ = 2ζ/φ: lag plus φ, inertia plus 1/ω₀².
+
+    Attributes:
+        sensor: "aortic", "distal" or "aligned".
+        damping: damping ratio ζ [-].
+    """
+
+    sensor: str
+    damping: float
+
+    def __call__(self, circuit: Circuit, size: Float[Array, ""]) -> Circuit:
+        """The circuit with this change at a size."""
+        return _summed(circuit, [self], jnp.reshape(size, (1,)))
+
+
 class Bell(NamedTuple):
     """The aortic pressure plus φ mmHg times exp(−x²/2), or x exp(½ − x²/2) with a rebound.
 
@@ -80,7 +97,11 @@ class Bell(NamedTuple):
 
 def changed(circuit: Circuit, changes: Sequence[Change], sizes: Float[Array, " e"]) -> Circuit:
     """The circuit with every change at its size: sums first, then the others in their order."""
-    told = [k for k, change in enumerate(changes) if isinstance(change, (Scaled, Added, Bell))]
+    told = [
+        k
+        for k, change in enumerate(changes)
+        if isinstance(change, (Scaled, Added, Resonance, Bell))
+    ]
     if told:
         circuit = _summed(circuit, [changes[k] for k in told], sizes[np.array(told)])
     for k, change in enumerate(changes):
@@ -93,6 +114,7 @@ def _summed(circuit: Circuit, changes: Sequence[Change], sizes: Float[Array, " e
     """The circuit with changes that are told by their numbers."""
     rates: dict[tuple[str, str | None], np.ndarray] = {}
     units: dict[str, np.ndarray] = {}
+    inertias: dict[str, np.ndarray] = {}
     waves = np.zeros((len(changes), PHASE.size))
     for k, change in enumerate(changes):
         if isinstance(change, Scaled):
@@ -100,6 +122,10 @@ def _summed(circuit: Circuit, changes: Sequence[Change], sizes: Float[Array, " e
                 rates.setdefault((name, change.under), np.zeros(len(changes)))[k] = change.rate
         elif isinstance(change, Added):
             units.setdefault(change.name, np.zeros(len(changes)))[k] = change.unit
+        elif isinstance(change, Resonance):
+            units.setdefault(f"{change.sensor}_lag", np.zeros(len(changes)))[k] = 1.0
+            inertia = inertias.setdefault(f"{change.sensor}_inertia", np.zeros(len(changes)))
+            inertia[k] = (0.5 / change.damping) ** 2
         elif isinstance(change, Bell):
             waves[k] = change.wave
     logs: dict[str, Array] = {}
@@ -111,6 +137,8 @@ def _summed(circuit: Circuit, changes: Sequence[Change], sizes: Float[Array, " e
     for name, unit in units.items():
         start = found.get(name, getattr(circuit, name))
         found[name] = start + jnp.dot(sizes, jnp.asarray(unit))
+    for name, inertia in inertias.items():
+        found[name] = getattr(circuit, name) + jnp.dot(sizes**2, jnp.asarray(inertia))
     if waves.any():
         found["P_inlet"] = circuit.P_inlet + sizes @ jnp.asarray(waves)
     return circuit._replace(**found)

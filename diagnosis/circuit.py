@@ -21,15 +21,15 @@ Without the last three terms the system is linear and is solved harmonic by harm
 Newton's method gives the first `LOW` harmonics of Q, and the linear system with the mean of the
 nonlinear resistance gives the others. Derivatives are exact for the computed solution: one more
 Newton step, differentiated by the implicit-function theorem. Sensors act on harmonics: lag
-1/(1 + iωτ − ω²m) of first order, or of second with an inertia m = 1/ω₀²; delay exp(−iωt).
+1/(1 + iωτ − ω²m) of first order, or of second with an inertia m = 1/ω₀²; delay exp(−iωt). Beats
+start at the upstroke of the aortic trace: the lag and inertia by which it is late at its own start
+(`aligned_lag`, `aligned_inertia`) smooth it there, and make the distal trace early.
 
 Twins: with no effect the circuit is `lumped.Surrogate` solved by `lumped.Fourier`, and its bed with
 effects is `lumped.extended_coronary.ExtendedCoronary` in the frequency domain, in closed form and
 batched. `tests/diagnosis/test_circuit.py` and `test_boundary.py` compare them.
 
-Units are CGS. Waveforms have `SAMPLES` samples; harmonics are scaled so that
-x(t) = X_0 + Σ Re X_k cos(ω_k t) − Im X_k sin(ω_k t). `HARMONICS` of them are kept: those above are
-indistinguishable from the noise of a sensor.
+Units are CGS; for harmonics see `spectra`.
 
 Source: Puelz et al. 2024, section 2.4; harmonic balance: Nakhla & Vlach 1976 (IEEE Trans Circuits
 Syst 23:85).
@@ -43,12 +43,18 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from diagnosis.harmonic_product import HarmonicProduct
-from diagnosis.resolution import HARMONICS, SAMPLES
+from diagnosis.resolution import HARMONICS
+from diagnosis.spectra import (
+    FROM_SAMPLES,
+    PHASE,
+    TO_SAMPLES,
+    Spectrum,
+    as_harmonics,
+    coefficients,
+    harmonics,
+)
 from lumped.elimination import solve_definite
 from lumped.units import MMHG
-
-PHASE = np.arange(SAMPLES) / SAMPLES
-"""Time of the samples in beats."""
 
 LOW = 24
 """Harmonics of the flow that a nonlinear ostium couples."""
@@ -67,11 +73,13 @@ ELASTIC_SHARE = 0.5
 """Share e of C_a that responds at once in a viscous wall: muscular arteries are up to twice as
 stiff at the heart rate as in static tests (Learoyd & Taylor 1966, Circ Res 18:278)."""
 
+ALIGNMENTS = 3
+"""Passes that find the upstroke of a slow trace."""
+
 P_REGULATED = 70.0 * MMHG
 """Mean pressure at which autoregulation changes nothing [dyn/cm²]."""
 
 Wave = Float[Array, " n"]
-Spectrum = Complex[Array, " f"]
 Number = Float[Array, ""]
 Real = Float[Array, " m"]
 
@@ -104,6 +112,7 @@ class Circuit(NamedTuple):
         distal_gain: gain of the distal sensor [-].
         aortic_lag, distal_lag: lag of the sensors [s].
         aortic_inertia, distal_inertia: square of the inverse natural frequency [s²].
+        aligned_lag, aligned_inertia: further ones of the aortic sensor, by which beats start late.
         aortic_delay, distal_delay: delay of the sensors [s].
         forced: harmonics of the waveform added at each place of `FORCED`; zero except in
             `forcing`.
@@ -143,6 +152,8 @@ class Circuit(NamedTuple):
     distal_lag: Number
     aortic_inertia: Number
     distal_inertia: Number
+    aligned_lag: Number
+    aligned_inertia: Number
     aortic_delay: Number
     distal_delay: Number
     forced: Complex[Array, "p f"]
@@ -173,41 +184,13 @@ class SensorSpectra(NamedTuple):
     Q: Spectrum
 
 
-def _tables() -> tuple[np.ndarray, np.ndarray]:
-    """Matrices from real coefficients (means, Re, Im) to samples and back."""
-    angle = 2.0 * np.pi * np.outer(PHASE, np.arange(1, HARMONICS + 1))
-    to_samples = np.concatenate([np.ones((SAMPLES, 1)), np.cos(angle), -np.sin(angle)], axis=1)
-    weight = np.full((2 * HARMONICS + 1, 1), 2.0 / SAMPLES)
-    weight[0] = 1.0 / SAMPLES
-    return to_samples, weight * to_samples.T
+_UPSTROKE = np.flatnonzero(np.abs(PHASE - 0.148) < 0.2)
+"""Samples round the middle of the upstroke, by which beats are cut."""
 
-
-TO_SAMPLES, FROM_SAMPLES = _tables()
+_WEIGHT = np.exp(-0.5 * ((PHASE[_UPSTROKE] - 0.148) / 0.05) ** 2)
+_WEIGHT /= _WEIGHT.sum()
 _LOW_COLUMNS = np.r_[0 : LOW + 1, HARMONICS + 1 : HARMONICS + 1 + LOW]
 _LOW_PRODUCT = HarmonicProduct(LOW, LOW)
-
-
-def harmonics(wave: Float[Array, "*b n"]) -> Complex[Array, "*b f"]:
-    """Harmonics of a sampled waveform."""
-    return as_harmonics(wave @ jnp.asarray(FROM_SAMPLES.T))
-
-
-def samples(spectrum: Complex[Array, "*b f"]) -> Float[Array, "*b n"]:
-    """Samples of a waveform given by its harmonics."""
-    return coefficients(spectrum) @ jnp.asarray(TO_SAMPLES.T)
-
-
-def coefficients(spectrum: Complex[Array, "*b f"]) -> Float[Array, "*b m"]:
-    """Harmonics as real numbers: mean, real parts, imaginary parts."""
-    return jnp.concatenate([spectrum.real, spectrum.imag[..., 1:]], axis=-1)
-
-
-def as_harmonics(q: Float[Array, "*b m"]) -> Complex[Array, "*b f"]:
-    """Inverse of `coefficients`."""
-    count = q.shape[-1] // 2
-    none = jnp.zeros_like(q[..., :1])
-    imaginary = jnp.concatenate([none, q[..., count + 1 :]], axis=-1)
-    return jax.lax.complex(q[..., : count + 1], imaginary)
 
 
 def _complex(x: Array) -> Array:
@@ -276,14 +259,40 @@ def sensed(circuit: Circuit, true: SensorSpectra) -> SensorSpectra:
         lagged = P * _inverse(jax.lax.complex(1.0 - omega**2 * inertia, omega * lag))
         return lagged * jax.lax.complex(jnp.cos(delay * omega), -jnp.sin(delay * omega))
 
-    aortic = late(true.P_aorta, circuit.aortic_lag, circuit.aortic_inertia, circuit.aortic_delay)
+    start = _start(circuit, true.P_aorta, omega)
+    lag = circuit.aortic_lag + circuit.aligned_lag
+    inertia = circuit.aortic_inertia + circuit.aligned_inertia
+    aortic = late(true.P_aorta, lag, inertia, circuit.aortic_delay - start)
     distal = _complex(circuit.distal_gain) * true.P_distal
-    distal = late(distal, circuit.distal_lag, circuit.distal_inertia, circuit.distal_delay)
+    distal = late(distal, circuit.distal_lag, circuit.distal_inertia, circuit.distal_delay - start)
     return SensorSpectra(
         aortic + _complex(circuit.aortic_offset * first),
         distal + _complex(circuit.distal_offset * first),
         true.Q,
     )
+
+
+def _start(circuit: Circuit, true: Spectrum, omega: Real) -> Number:
+    """How late beats start [s] that are cut at the upstroke of a slow trace.
+
+    Least squares of the true pressure on the seen one s and its slope: m = a s + b s′, b/a later.
+    """
+    seen = true * _inverse(
+        jax.lax.complex(1.0 - omega**2 * circuit.aligned_inertia, omega * circuit.aligned_lag)
+    )
+    turn = jax.lax.complex(jnp.zeros_like(omega), omega)
+    synthesis, weight = jnp.asarray(TO_SAMPLES[_UPSTROKE].T), jnp.asarray(_WEIGHT)
+
+    def later(_: Any, late: Number) -> Number:
+        moved = seen * jax.lax.complex(jnp.cos(omega * late), jnp.sin(omega * late))
+        waves = coefficients(jnp.stack([moved, moved * turn, true])) @ synthesis
+        waves = waves - (waves @ weight)[:, None]
+        C = (weight[None] * waves) @ waves.T
+        return late + (C[0, 0] * C[1, 2] - C[0, 1] * C[0, 2]) / (
+            C[1, 1] * C[0, 2] - C[0, 1] * C[1, 2]
+        )
+
+    return jax.lax.fori_loop(0, ALIGNMENTS, later, jnp.zeros(()))
 
 
 def bypass_conductance(circuit: Circuit) -> Number:

@@ -11,28 +11,30 @@ side (`compiled_ahead`); a call waits for its own.
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, TypeVar
 
 import jax
 import numpy as np
-from jaxtyping import Array, Int, PyTree
+from jaxtyping import ArrayLike, PyTree
 
 from diagnosis.colour import coloured
-from diagnosis.descent import at_start
+from diagnosis.descent import Descent, at_start
 from diagnosis.effects import Effect
+from diagnosis.evidence import Whitened
 from diagnosis.fit import Fitted, fit_about, towards_optimum
 from diagnosis.forcing import forcing_evidence
 from diagnosis.form_columns import KINDS
-from diagnosis.hypothesis import FITTED, Catalogue
+from diagnosis.hypothesis import FITTED, Catalogue, numbers_of
 from diagnosis.measured import Measured
 from diagnosis.prediction import n_unknowns
 from diagnosis.predictive import Predicted, predictive_density
-from diagnosis.scan import Scan, scan_about
+from diagnosis.programs import Program
+from diagnosis.scan import Linearised, Scan, base_linearised, scan_about
 
-BLOCK = 16
-"""Jobs advanced together; more exceed the caches of a CPU, fewer waste its vector units."""
+BLOCK = 2
+"""Jobs advanced together: with sixteen each takes a third longer, and all wait for the slowest."""
 
 STEPS = (4, 4, 5, 7, 20)
 """Steps of fits before those that are not done are gathered."""
@@ -40,46 +42,25 @@ STEPS = (4, 4, 5, 7, 20)
 SAME = 0.2
 """Distance of two optima that count as one [sd of the priors]."""
 
-QUICK_TO_COMPILE = {"xla_cpu_use_fusion_emitters": False}
-"""Options of XLA for programs of this size: a third less time to compile, the same to run."""
-
 ProgressCallback = Callable[[str, int, int], None]
 """Called with the name of a step, the number of jobs done, 0 as it begins, and the total."""
 
 T = TypeVar("T")
 
 
+def usable_cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def no_progress(step: str, done: int, of: int) -> None:
     """Report nothing."""
 
 
-def _block(job: Callable[..., Any]) -> Callable[..., Any]:
-    """A function of one record and one hypothesis, compiled for a block of them."""
-
-    @partial(jax.jit, static_argnames=("effects", "nonlinear"), compiler_options=QUICK_TO_COMPILE)
-    def block(
-        records: Measured,
-        pairs: Int[Array, "j 2"],
-        *given: PyTree[Array],
-        numbers: Catalogue,
-        effects: tuple[Effect, ...],
-        nonlinear: bool,
-    ) -> Any:
-        def one(measured: Measured, pair: Array, *given: PyTree[Array]) -> Any:
-            return job(measured, effects, numbers, pair, *given, nonlinear=nonlinear)
-
-        return jax.vmap(one)(records, pairs, *given)
-
-    return block
-
-
-_descend_block, _fit_block = _block(towards_optimum), _block(fit_about)
-_scan_block, _force_block = _block(scan_about), _block(forcing_evidence)
-_predict_block = _block(predictive_density)
-
-
-_pending: dict[tuple[Any, bool], Future[None]] = {}
-"""Programs that are being compiled ahead, linear and nonlinear."""
+_descend, _fit = Program(towards_optimum, Descent), Program(fit_about, Fitted)
+_scan, _predict = Program(scan_about, Scan), Program(predictive_density, Predicted)
+_force = Program(forcing_evidence, lambda log_Z: log_Z)
+_linearise = Program(base_linearised, lambda e, J, G: Linearised(Whitened(e, J), G))
 
 
 @contextlib.contextmanager
@@ -93,7 +74,7 @@ def compiled_ahead(
         numbers: of the catalogue.
         effects: the catalogue.
     """
-    cores = os.cpu_count() or 1
+    cores = usable_cores()
     if cores == 1:
         yield
         return
@@ -106,40 +87,28 @@ def compiled_ahead(
     x = shaped(n_unknowns(jax.tree.map(lambda leaf: leaf[0], batch)) + 2)
     descent = (records, pairs, jax.eval_shape(at_start, x), shaped(), shaped(dtype=int))
     plan: list[tuple[Any, tuple, bool]] = [
-        (_descend_block, descent, False),
-        (_fit_block, (records, pairs, x, shaped()), False),
-        (_scan_block, (records, pairs, x, shaped(len(KINDS))), True),
-        (_force_block, (records, pairs, x, shaped(len(KINDS))), False),
+        (_descend, descent, False),
+        (_fit, (records, pairs, x, shaped()), False),
+        (_scan, (records, pairs, x, shaped(len(KINDS))), True),
+        (_force, (records, pairs, x, shaped(len(KINDS))), False),
     ]
     if any(effect.nonlinear for effect in effects):
-        plan.insert(2, (_descend_block, descent, True))
-        plan.insert(3, (_fit_block, (records, pairs, x, shaped()), True))
+        plan.insert(2, (_descend, descent, True))
+        plan.insert(3, (_fit, (records, pairs, x, shaped()), True))
     if batch.n_sensors:
-        plan.append((_predict_block, (records, pairs, x), True))
+        plan.append((_predict, (records, pairs, x), True))
+    first = tuple(effect for effect in effects if not effect.form)
+    one = jax.tree.map(
+        lambda leaf: jax.ShapeDtypeStruct((1, *leaf.shape[1:]), leaf.dtype), (records, pairs, x)
+    )
     with ThreadPoolExecutor(min(cores, len(plan)), "compile-ahead") as pool:
         for program, given, nonlinear in plan:
-            lowered = partial(
-                program.lower, *given, numbers=numbers, effects=effects, nonlinear=nonlinear
-            )
-            _pending[program, nonlinear] = pool.submit(_quietly, lowered)
+            program.ahead(pool, *given, numbers=numbers, effects=effects, nonlinear=nonlinear)
+        _linearise.ahead(pool, *one, numbers=numbers_of(first), effects=first, nonlinear=True)
         try:
             yield
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
-            _pending.clear()
-
-
-def _quietly(lowered: Callable[[], Any]) -> None:
-    """Compile; whatever fails here fails again, and is reported, where it is called."""
-    with contextlib.suppress(Exception):
-        lowered().compile()
-
-
-def _compiled(program: Any, nonlinear: bool = False) -> None:
-    """Wait for a program that is being compiled ahead; one not begun is compiled by its caller."""
-    begun = _pending.pop((program, nonlinear), None)
-    if begun is not None and not begun.cancel():
-        begun.result()
 
 
 def rows(arrays: T, at: np.ndarray) -> T:
@@ -154,16 +123,21 @@ def _in_blocks(
     arrays: Sequence[PyTree[np.ndarray]],
     advance: Callable[[int], None],
 ) -> Any:
-    """Call a function on blocks of jobs and join what it returns, as NumPy arrays."""
+    """Call a function on blocks of jobs, one on each core, and join what it returns, in NumPy."""
     host = jax.tree.map(np.asarray, batch)
-    parts = []
-    for first in range(0, record.size, BLOCK):
+
+    def run(first: int) -> Any:
         at = np.arange(first, min(first + BLOCK, record.size))
         padded = np.concatenate([at, np.full(BLOCK - at.size, at[-1])])
-        chosen = rows(host, record[padded])
-        found = function(chosen, *rows(arrays, padded))
-        parts.append(jax.tree.map(lambda leaf, n=at.size: np.asarray(leaf)[:n], found))
-        advance(at.size)
+        found = function(rows(host, record[padded]), *rows(arrays, padded))
+        return jax.tree.map(lambda leaf: np.asarray(leaf)[: at.size], found)
+
+    parts = [run(0)]  # what is not compiled yet is now, once
+    advance(min(BLOCK, record.size))
+    with ThreadPoolExecutor(usable_cores(), "diagnosis") as pool:
+        for part in pool.map(run, range(BLOCK, record.size, BLOCK)):
+            parts.append(part)
+            advance(jax.tree.leaves(part)[0].shape[0])
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
@@ -208,7 +182,7 @@ def run_fits(
     for steps in STEPS:
         at = owner[going]
         given = rows(found, going), fixed_size[at], np.full(going.size, steps)
-        come = calls(_descend_block, record[at], pairs[at], given, lambda count: None)
+        come = calls(_descend, record[at], pairs[at], given, lambda count: None)
         for kept, new in zip(found, come, strict=True):
             kept[going] = new
         going = going[~come.done]
@@ -223,7 +197,7 @@ def run_fits(
         progress(step, half + done * (whole - half) // jobs, whole)
 
     advance = _counted(second_half, step, of.size)
-    fits = calls(_fit_block, record[of], pairs[of], (found.x[at], fixed_size[of]), advance)
+    fits = calls(_fit, record[of], pairs[of], (found.x[at], fixed_size[of]), advance)
     return rows(fits, _likeliest(fits, of))
 
 
@@ -261,7 +235,6 @@ def _by_kind(
     for nonlinear in (False, True):
         at = np.flatnonzero(kind == nonlinear)
         if at.size:
-            _compiled(program, nonlinear)
             called = partial(program, numbers=numbers, effects=effects, nonlinear=nonlinear)
             own = [pairs[at], *rows(arrays, at)]
             parts.append(_in_blocks(called, batch, record[at], own, advance))
@@ -297,8 +270,7 @@ def run_scans(
     The fit of each job gave x and the probabilities of what its equations are. All take the
     nonlinear solution: some effects need it.
     """
-    _compiled(_scan_block, True)
-    scan = partial(_scan_block, numbers=numbers, effects=effects, nonlinear=True)
+    scan = partial(_scan, numbers=numbers, effects=effects, nonlinear=True)
     arrays = np.asarray(pairs, int).reshape(-1, 2), x, kinds
     return _in_blocks(scan, batch, np.asarray(record, int), arrays, lambda count: None)
 
@@ -321,7 +293,7 @@ def run_forcings(
     record, pairs = np.asarray(record, int), np.asarray(pairs, int).reshape(-1, 2)
     counted = _counted(progress, "looking for what is not in the catalogue", record.size)
     return _by_kind(
-        _force_block, record, pairs, (x, kinds), counted,
+        _force, record, pairs, (x, kinds), counted,
         batch=batch, numbers=numbers, effects=effects,
     )  # fmt: skip
 
@@ -340,11 +312,23 @@ def run_predictions(
 
     All take the nonlinear solution: jobs are few, and one compilation is less than two.
     """
-    _compiled(_predict_block, True)
-    predict = partial(_predict_block, numbers=numbers, effects=effects, nonlinear=True)
+    predict = partial(_predict, numbers=numbers, effects=effects, nonlinear=True)
     arrays = (np.asarray(pairs, int).reshape(-1, 2), x)
     advance = _counted(progress, "predicting conditions that were left out", len(record))
     return _in_blocks(predict, batch, np.asarray(record, int), arrays, advance)
+
+
+def linearised_base(record: Measured, effects: tuple[Effect, ...], x: ArrayLike) -> Linearised:
+    """One record's model, linearised at an optimum x of the base model, in NumPy arrays.
+
+    Args:
+        record: without a leading axis.
+        effects: the catalogue.
+        x: the optimum, of which the unknowns of the base model are taken.
+    """
+    given = jax.tree.map(lambda leaf: np.asarray(leaf)[None], (record, np.array([-1, -1]), x))
+    found = _linearise(*given, numbers=numbers_of(effects), effects=effects, nonlinear=True)
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[0], found)
 
 
 def base_start(batch: Measured) -> np.ndarray:

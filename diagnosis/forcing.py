@@ -34,8 +34,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from diagnosis import circuit
-from diagnosis.circuit import FORCED, as_harmonics
+from diagnosis.circuit import FORCED
 from diagnosis.effects import Effect
 from diagnosis.evidence import (
     absorbed,
@@ -53,6 +52,8 @@ from diagnosis.hypothesis import (
 )
 from diagnosis.measured import Measured, Whitener, data_of, whitener_of
 from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
+from diagnosis.resolution import HARMONICS
+from diagnosis.spectra import as_harmonics
 from lumped.units import MMHG
 
 AMPLITUDES = (0.5 * MMHG, 1.5 * MMHG, 4.0 * MMHG, 10.0 * MMHG)
@@ -112,7 +113,7 @@ def forcing_evidence(
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
     freedom = likeliest_freedom(measured, effects, numbers, pair, x, kinds, nonlinear=nonlinear)
     other_kinds = -jnp.log(kinds.shape[0] * jnp.max(kinds))
-    none = jnp.zeros(circuit.HARMONICS - FORCING_HARMONICS)
+    none = jnp.zeros(HARMONICS - FORCING_HARMONICS)
 
     def shown(case: ConditionSettings, own: Array, place: Array, c: Array) -> Array:
         re, im = c[: FORCING_HARMONICS + 1], c[FORCING_HARMONICS + 1 :]

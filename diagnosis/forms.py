@@ -12,10 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from diagnosis.changes import Added, Bell, Change, Scaled
-from diagnosis.circuit import PHASE, Circuit, harmonics, samples
+from diagnosis.changes import Added, Bell, Change, Resonance, Scaled
+from diagnosis.circuit import Circuit
 from diagnosis.effects import Form
 from diagnosis.resolution import HARMONICS
+from diagnosis.spectra import PHASE, harmonics, samples
 from lumped.units import MMHG
 
 P_NARROWING = 80.0 * MMHG
@@ -40,13 +41,6 @@ size moves the peak by 0.02 beats."""
 
 _WARP = PHASE * np.log(np.maximum(PHASE, 1e-12))
 """t/T ln(t/T): nothing at both ends of the beat."""
-
-_UPSTROKE = np.exp(-0.5 * ((PHASE - 0.148) / 0.05) ** 2)
-_UPSTROKE /= _UPSTROKE.sum()
-"""Weights of samples round the middle of the upstroke, by which beats are aligned."""
-
-_ALIGNMENTS = 3
-"""Passes of the alignment."""
 
 _FALL = 1.0 / (1.0 + np.exp(-(PHASE - 0.18) / 0.02)) / (1.0 + np.exp((PHASE - 0.8) / 0.02))
 """Part of the beat in which the ventricular pressure falls: 1 there, 0 while it rises."""
@@ -150,57 +144,6 @@ def drift(shape: Callable[[Array], Array]) -> Change:
     return lambda c, size: c._replace(distal_offset=c.distal_offset + shape(c.order) * size * MMHG)
 
 
-def resonance(sensor: str, damping: float) -> Change:
-    """A second-order sensor of the natural frequency ω₀ = 2ζ/φ."""
-
-    def change(c: Circuit, size: Array) -> Circuit:
-        lag, inertia = f"{sensor}_lag", f"{sensor}_inertia"
-        more = (size / (2.0 * damping)) ** 2
-        return c._replace(**{lag: getattr(c, lag) + size, inertia: getattr(c, inertia) + more})
-
-    return change
-
-
-def aligned(seen: Change) -> Change:
-    """A slow aortic sensor where beats start at the upstroke of its own trace.
-
-    The starts are late by as much as the upstroke: what is left is the shape of the aortic trace,
-    and a distal one that seems to be early.
-    """
-
-    def change(c: Circuit, size: Array) -> Circuit:
-        c = seen(c, size)
-        late = _lateness(c)
-        return c._replace(aortic_delay=c.aortic_delay - late, distal_delay=c.distal_delay - late)
-
-    return change
-
-
-def _lateness(c: Circuit) -> Array:
-    """How late the upstroke of the aortic trace is [s], whatever its height.
-
-    Least squares of the true pressure on the seen one s and its slope: m = a s + b s′, b/a later.
-    """
-    omega = 2.0 * jnp.pi / c.period * jnp.arange(HARMONICS + 1, dtype=float)
-    turn = jax.lax.complex(jnp.zeros_like(omega), omega)
-    true = harmonics(c.P_inlet)
-    seen = true / jax.lax.complex(1.0 - omega**2 * c.aortic_inertia, omega * c.aortic_lag)
-    late, m = jnp.zeros(()), samples(true)
-    for _ in range(_ALIGNMENTS):
-        moved = seen * jax.lax.complex(jnp.cos(omega * late), jnp.sin(omega * late))
-        s, slope = samples(moved), samples(moved * turn)
-        ss, sd, dd = _covariance(s, s), _covariance(s, slope), _covariance(slope, slope)
-        sm, dm = _covariance(s, m), _covariance(slope, m)
-        late = late + (ss * dm - sd * sm) / (dd * sm - sd * dm)
-    return late
-
-
-def _covariance(a: Array, b: Array) -> Array:
-    """Covariance of two waveforms round the upstroke."""
-    weight = jnp.asarray(_UPSTROKE)
-    return jnp.dot(weight, a * b) - jnp.dot(weight, a) * jnp.dot(weight, b)
-
-
 FORMS: dict[str, tuple[Form, ...]] = {
     "quadratic_loss": (
         Form("turbulent friction", "ΔP = R0 Q + φ Q|Q|^0.75", Added("K_turbulent", MMHG)),
@@ -264,18 +207,18 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("stated pressures as well", "P_aorta + φ, stated P_aorta + φ", stated_zero),
     ),
     "catheter_damping": (
-        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("aortic", UNDERDAMPED)),
-        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", resonance("aortic", DAMPED)),
-        Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", resonance("aortic", RINGING)),
+        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", Resonance("aortic", UNDERDAMPED)),
+        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", Resonance("aortic", DAMPED)),
+        Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", Resonance("aortic", RINGING)),
         Form("aligned", "lag φ, beats from the upstroke of the trace",
-             aligned(Added("aortic_lag"))),
+             Added("aligned_lag")),
         Form("aligned, underdamped", "second order, ζ = 0.25, beats from the upstroke of the trace",
-             aligned(resonance("aortic", UNDERDAMPED))),
+             Resonance("aligned", UNDERDAMPED)),
     ),
     "distal_damping": (
-        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", resonance("distal", UNDERDAMPED)),
-        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", resonance("distal", DAMPED)),
-        Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", resonance("distal", RINGING)),
+        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", Resonance("distal", UNDERDAMPED)),
+        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", Resonance("distal", DAMPED)),
+        Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", Resonance("distal", RINGING)),
     ),
     "signal_delay": (
         Form("of the aortic trace", "P_aorta(t + φ)",

@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.special import logsumexp
 
-from diagnosis.circuit import FORCED, TO_SAMPLES, Circuit
+from diagnosis.circuit import FORCED, Circuit
 from diagnosis.effects import Effect
 from diagnosis.forcing import FORCING_HARMONICS, forcing_scales
 from diagnosis.forms import SQUEEZE_DELAY, late_squeeze
@@ -47,6 +47,7 @@ from diagnosis.prediction import (
     selection,
 )
 from diagnosis.resolution import HARMONICS, SAMPLES
+from diagnosis.spectra import TO_SAMPLES
 from lumped.elimination import solve_definite
 from lumped.units import MMHG
 

@@ -30,8 +30,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from diagnosis.circuit import FROM_SAMPLES, PHASE
 from diagnosis.resolution import HARMONICS, SAMPLES
+from diagnosis.spectra import FROM_SAMPLES, PHASE
 from lumped.elimination import solve_definite, square_root
 from lumped.units import MMHG
 

@@ -11,21 +11,19 @@ and an additional sensor whose predictions differ by Δ with a covariance R give
 any measurement, the same scan at the prior means shows which effects a set of sensors can isolate.
 """
 
-from functools import partial
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from diagnosis.effects import SCALE, Effect, find_effect
-from diagnosis.hypothesis import numbers_of
+from diagnosis.engine import linearised_base
 from diagnosis.measured import OFFSET_SD, Measured
 from diagnosis.prediction import n_unknowns
 from diagnosis.resolution import SAMPLES
 from diagnosis.result import Diagnosis
-from diagnosis.scan import Linearised, linearise
+from diagnosis.scan import Linearised
 
 ALIAS_COSINE = 0.9
 """|cosine| from which two effects count as aliases."""
@@ -102,7 +100,7 @@ def usual_visibility(diagnosis: Diagnosis, name: str) -> float:
 
 def aliases(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """Pairs of effects with nearly the same change of the data, likeliest first."""
-    inner = traces(_about_base(diagnosis.record, diagnosis.effects, jnp.asarray(diagnosis.base.x)))
+    inner = traces(linearised_base(diagnosis.record, diagnosis.effects, diagnosis.base.x))
     length = np.sqrt(np.maximum(np.diag(inner), 1e-300))
     names = [effect.id for effect in diagnosis.effects]
     alike = np.abs(inner) / np.outer(length, length)
@@ -200,11 +198,6 @@ def flow_gains(
     return 0.5 * float(np.sum(apart.mean(axis=1) ** 2)), 0.5 * float(shape + common)
 
 
-@partial(jax.jit, static_argnames=("effects",))
-def _about_base(record: Measured, effects: tuple[Effect, ...], x: Float[Array, " k"]) -> Linearised:
-    return linearise(record, effects, numbers_of(effects), x, jnp.zeros(len(effects)))
-
-
 def isolability(
     record: Measured, effects: tuple[Effect, ...], sd: float
 ) -> dict[str, dict[str, float]]:
@@ -222,7 +215,7 @@ def isolability(
     found = {}
     x = jnp.zeros(n_unknowns(record))
     for name in SENSOR_SETS:
-        inner = traces(_about_base(_with_sensors(record, name, sd), effects, x))
+        inner = traces(linearised_base(_with_sensors(record, name, sd), effects, x))
         b = np.diag(inner)
         own = 0.5 * ((TYPICAL * b) ** 2 + b) / (1.0 + b) - 0.5 * np.log1p(b)
         other = 0.5 * ((TYPICAL * inner) ** 2 + inner**2 / np.maximum(b[:, None], 1e-12)) / (

@@ -25,19 +25,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from diagnosis.circuit import (
-    FORCED,
-    FROM_SAMPLES,
-    PHASE,
-    Circuit,
-    SensorSpectra,
-    coefficients,
-    samples,
-    solve,
-)
+from diagnosis.circuit import FORCED, Circuit, SensorSpectra, solve
 from diagnosis.effects import Effect, apply_effects
 from diagnosis.measured import SENSORS, Measured
 from diagnosis.resolution import HARMONICS, SAMPLES
+from diagnosis.spectra import FROM_SAMPLES, PHASE, coefficients, samples
 from lumped.nominal import C0_NOMINAL, NOMINAL
 from lumped.stress import PRINTED, stress_rule
 from lumped.units import MMHG, MMHG_S_PER_ML
@@ -202,6 +194,8 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 10"]) -> Circuit:
         distal_lag=zero,
         aortic_inertia=zero,
         distal_inertia=zero,
+        aligned_lag=zero,
+        aligned_inertia=zero,
         aortic_delay=zero,
         distal_delay=zero,
         forced=jnp.zeros((len(FORCED), HARMONICS + 1), complex),

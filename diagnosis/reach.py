@@ -22,10 +22,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from diagnosis.effects import Effect
-from diagnosis.engine import QUICK_TO_COMPILE
 from diagnosis.evidence import Whitened
 from diagnosis.hypothesis import (
     Catalogue,
@@ -37,6 +36,7 @@ from diagnosis.hypothesis import (
 )
 from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import SHARED, condition_settings, n_unknowns, observations, selection
+from diagnosis.programs import QUICK_TO_COMPILE
 from diagnosis.result import Diagnosis
 from diagnosis.verdict import CLOSED_P, Hypothesis, is_closed
 
@@ -128,7 +128,7 @@ def _p_value(diagnosis: Diagnosis, hypothesis: Hypothesis) -> float:
     """Chance that noise leaves the misfit of a hypothesis, as the verdict counts it."""
     fitted = n_unknowns(diagnosis.record) + len(hypothesis)
     misfit = float(diagnosis.fits[hypothesis].misfit)
-    return float(chi2.sf(misfit, max(diagnosis.n_data - fitted, 1)))
+    return float(chdtrc(max(diagnosis.n_data - fitted, 1), misfit))
 
 
 @partial(jax.jit, static_argnames=("effects", "nonlinear"), compiler_options=QUICK_TO_COMPILE)

@@ -75,6 +75,20 @@ def linearise(
     return Linearised(linear, J[..., k:] * numbers.sd[None, None])
 
 
+def base_linearised(
+    measured: Measured,
+    effects: Sequence[Effect],
+    numbers: Catalogue,
+    pair: Int[Array, " 2"],
+    x: Float[Array, " k"],
+    *,
+    nonlinear: bool,
+) -> Linearised:
+    """What `linearise` gives where no effect acts; `pair` is ignored."""
+    del pair
+    return linearise(measured, effects, numbers, x, jnp.zeros(len(effects)), nonlinear=nonlinear)
+
+
 class Scan(NamedTuple):
     """Score scan of all effects.
 

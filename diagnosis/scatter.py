@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diagnosis.circuit import FROM_SAMPLES, PHASE, TO_SAMPLES
 from diagnosis.resolution import HARMONICS, SAMPLES
+from diagnosis.spectra import FROM_SAMPLES, PHASE, TO_SAMPLES
 from lumped.units import MMHG
 
 USUAL_WEIGHT = 6.0

@@ -23,8 +23,7 @@ from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import chi2 as chi2_distribution
+from scipy.special import chdtrc, logsumexp
 
 PRIOR = {"none": 0.20, "single": 0.50, "pair": 0.15, "unknown": 0.15}
 """Prior probability of each kind of hypothesis."""
@@ -123,7 +122,7 @@ def cover_of(probabilities: Mapping[str, float]) -> tuple[str, ...]:
 def is_closed(chi2: float, base_chi2: float, n_data: int, n_fitted: int) -> bool:
     """Whether a fit closes the gap, see the table above."""
     freedom = max(n_data - n_fitted, 1)
-    if chi2_distribution.sf(chi2, freedom) > CLOSED_P:
+    if chdtrc(freedom, chi2) > CLOSED_P:
         return True
     base_excess = base_chi2 - freedom
     return base_excess > 0 and chi2 - freedom < CLOSED_EXCESS * base_excess

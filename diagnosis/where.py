@@ -17,20 +17,19 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.circuit import FORCED, PHASE, TO_SAMPLES
+from diagnosis.circuit import FORCED
 from diagnosis.effects import PLACES, all_forms
-from diagnosis.engine import base_start, run_fits
+from diagnosis.engine import base_start, linearised_base, run_fits
 from diagnosis.fit import Fitted
 from diagnosis.hypothesis import numbers_of
 from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
 from diagnosis.prediction import data_of_waves
 from diagnosis.resolution import HARMONICS
 from diagnosis.result import Diagnosis
-from diagnosis.scan import linearise
+from diagnosis.spectra import PHASE, TO_SAMPLES
 from diagnosis.verdict import Hypothesis
 
 PHASES = {
@@ -156,13 +155,10 @@ def misfit_map(
 
 def joint_map(diagnosis: Diagnosis) -> Map:
     """Misfit of the base model after the joint fit of all conditions."""
-    J = _slopes(diagnosis.record, jnp.asarray(diagnosis.base.x))
-    return misfit_map(diagnosis.record, np.asarray(diagnosis.base.residual), np.asarray(J))
-
-
-@jax.jit
-def _slopes(record: Measured, x: Array) -> Array:
-    return linearise(record, (), numbers_of(()), x, jnp.zeros(0)).linear.J
+    found = linearised_base(diagnosis.record, diagnosis.effects, diagnosis.base.x)
+    return misfit_map(
+        diagnosis.record, np.asarray(diagnosis.base.residual), np.asarray(found.linear.J)
+    )
 
 
 def fit_at_rest(record: Measured) -> Fitted:

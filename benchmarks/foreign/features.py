@@ -15,11 +15,11 @@ from jaxtyping import Bool, Float
 
 from benchmarks.foreign.plain import FORMS, PlainFit
 from diagnosis import CATALOGUE
-from diagnosis.circuit import TO_SAMPLES
 from diagnosis.measured import Measured, data_of, weights
 from diagnosis.pairs import causes_of
 from diagnosis.prediction import SHARED, data_of_waves
 from diagnosis.resolution import HARMONICS, SAMPLES
+from diagnosis.spectra import TO_SAMPLES
 from lumped import MMHG
 
 KINDS = ("rest", "stress without dobutamine", "dobutamine")

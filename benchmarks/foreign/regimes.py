@@ -31,9 +31,9 @@ from jaxtyping import Bool, Float
 from scipy.stats import f as f_distribution
 
 from benchmarks.foreign.plain import FORMS, PlainFit
-from diagnosis.circuit import FROM_SAMPLES, PHASE
 from diagnosis.measured import Measured, weights, whitener_of
 from diagnosis.resolution import HARMONICS
+from diagnosis.spectra import FROM_SAMPLES, PHASE
 from diagnosis.where import PHASES
 
 LEVEL = 0.05

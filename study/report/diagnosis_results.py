@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from diagnosis import Diagnosis, Record, find_effect, noise_of
-from diagnosis.circuit import PHASE
 from diagnosis.measured import SENSORS
 from diagnosis.next_measurement import Next, aliases, next_measurements, usual_visibility
 from diagnosis.shrink import expected_waves, fitted_gap, held_out_gap
+from diagnosis.spectra import PHASE
 from diagnosis.verdict import key_of
 from diagnosis.where import (
     DRAWS,

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 
 from study.store.cache_folder import VARIABLE, cache_folder
 
-_COMPILED = re.compile(r"[^/]+-[0-9a-f]{64}-(cache|atime)")
+_COMPILED = re.compile(r"[^/]+-[0-9a-f]{64}-(cache|atime|program)")
 _MESH = re.compile(r"[0-9a-f]{32}")
 _SMALL = ("durations.json", "numerics.json")
 _MESHES = "meshes"

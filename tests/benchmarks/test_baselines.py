@@ -27,12 +27,12 @@ from benchmarks.foreign.regimes import LEVEL, MEAN_FLOW, failing, regimes_of, si
 from benchmarks.foreign.score import comparison
 from benchmarks.foreign.training import CLASSES, NONE, UNKNOWN, Training, draw_causes
 from diagnosis import CATALOGUE, Record, RecordedCondition, measured
-from diagnosis.circuit import FROM_SAMPLES, PHASE
 from diagnosis.evidence import Whitened
 from diagnosis.fit import Fitted
 from diagnosis.measured import weights, whitener_of
 from diagnosis.prediction import n_unknowns
 from diagnosis.scan import Linearised, Scan
+from diagnosis.spectra import FROM_SAMPLES, PHASE
 from lumped import MMHG
 
 

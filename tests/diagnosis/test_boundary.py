@@ -11,9 +11,9 @@ import pytest
 
 from diagnosis import CATALOGUE, find_effect, measured
 from diagnosis.boundary import BoundaryConditions, boundary_conditions, sensor_traces
-from diagnosis.circuit import PHASE
 from diagnosis.effects import apply_effects
 from diagnosis.prediction import as_waves, base_circuit, condition_settings, predict
+from diagnosis.spectra import PHASE
 from lumped import MMHG, Fourier, PressureSource, Vessel, connect, solve_periodic
 from tests.diagnosis.records import settings
 

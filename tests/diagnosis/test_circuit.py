@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from diagnosis import CATALOGUE, Effect, find_effect, measured
-from diagnosis.circuit import FORCED, PHASE
+from diagnosis.circuit import FORCED
 from diagnosis.effects import all_forms
 from diagnosis.prediction import as_waves, base_circuit, condition_settings, observations, predict
 from diagnosis.resolution import HARMONICS
+from diagnosis.spectra import PHASE
 from lumped import (
     MMHG,
     Fourier,

@@ -1,12 +1,11 @@
 """What the diagnosis compiles."""
 
-import os
-
+import jax
 import numpy as np
 import pytest
 
 from benchmarks.blind.clocked import Clock
-from diagnosis import CATALOGUE, engine, measured, stacked
+from diagnosis import CATALOGUE, engine, measured, programs, stacked
 from diagnosis.descent import at_start
 from diagnosis.hypothesis import FITTED, numbers_of
 from diagnosis.prediction import n_unknowns
@@ -22,18 +21,19 @@ def test_compiled_blocks_call_no_library(nonlinear):
     pairs, x = np.array([[0, 1], [-1, -1]]), np.zeros((2, k))
     numbers = numbers_of(CATALOGUE)
     how = {"numbers": numbers, "effects": CATALOGUE, "nonlinear": nonlinear}
-    texts = [
-        engine._fit_block.lower(batch, pairs, x, np.full(2, FITTED), **how).as_text(),
-        engine._force_block.lower(batch, pairs, x, np.ones((2, 3)), **how).as_text(),
-        engine._descend_block.lower(
+    traced = [
+        engine._fit.traced(batch, pairs, x, np.full(2, FITTED), **how),
+        engine._force.traced(batch, pairs, x, np.ones((2, 3)), **how),
+        engine._descend.traced(
             batch, pairs, at_start(x), np.full(2, FITTED), np.ones(2, int), **how
-        ).as_text(),
+        ),
     ]
     if nonlinear:
-        scan = engine._scan_block.lower(batch, pairs, x, np.ones((2, 3)), **how)
-        texts.append(scan.as_text())
-        texts.append(engine._predict_block.lower(batch, pairs, x, **how).as_text())
-    for text in texts:
+        traced.append(engine._scan.traced(batch, pairs, x, np.ones((2, 3)), **how))
+        traced.append(engine._predict.traced(batch, pairs, x, **how))
+    for program in traced:
+        lines = program.mlir_module().splitlines()
+        text = "\n".join(line for line in lines if not line.startswith("#loc"))
         assert "while" in text
         for library in ("lapack", "custom_call", "stablehlo.fft", "cholesky", "triangular_solve"):
             assert library not in text
@@ -45,17 +45,18 @@ def test_programs_compiled_ahead_are_those_that_are_called(monkeypatch):
     start = engine.base_start(batch)
     pairs = [(0, -1), (1, -1)]
     own = engine.run_fits(batch, [0, 1], pairs, start, numbers, effects)
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(engine, "usable_cores", lambda: 2)
+    monkeypatch.setattr(engine._fit, "_made", type(engine._fit._made)())
     with engine.compiled_ahead(batch, numbers, effects):
-        assert (engine._fit_block, False) in engine._pending
+        begun = dict(engine._fit._made)
+        assert len(begun) == 1
         ahead = engine.run_fits(batch, [0, 1], pairs, start, numbers, effects)
-        assert (engine._fit_block, False) not in engine._pending
-    assert not engine._pending
+        assert set(engine._fit._made) == set(begun)
     np.testing.assert_array_equal(ahead.x, own.x)
 
 
 def test_what_fails_ahead_fails_where_it_is_called(monkeypatch):
-    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(engine, "usable_cores", lambda: 2)
     effects = (CATALOGUE[2]._replace(change=lambda c, size: c._replace(nothing=size)),)
     batch, numbers = stacked([measured(settings())]), numbers_of(effects)
     start = engine.base_start(batch)
@@ -66,3 +67,31 @@ def test_what_fails_ahead_fails_where_it_is_called(monkeypatch):
 def test_each_optimum_is_fitted_once():
     x = np.array([[0.0, 0.0], [1.0, 0.0], [0.1, 0.1], [0.1, 0.1], [1.0, 0.3]])
     assert engine._distinct(x, np.array([0, 1, 0, 1, 1])).tolist() == [0, 1, 3, 4]
+
+
+def test_a_program_is_traced_once_for_all_processes(tmp_path, monkeypatch):
+    """What a process has traced another one reads; a broken file is traced again."""
+    effects = CATALOGUE[2:4]
+    batch, numbers = stacked([measured(settings())] * 2), numbers_of(effects)
+    monkeypatch.setattr(engine._fit, "_made", type(engine._fit._made)())
+    start = (batch, np.array([[0, -1]] * 2), engine.base_start(batch), np.full(2, FITTED))
+    how = {"numbers": numbers, "effects": effects, "nonlinear": False}
+    before = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    try:
+        own = engine._fit(*start, **how)
+        (kept,) = tmp_path.glob(f"*{programs.SUFFIX}")
+        engine._fit._made.clear()
+        monkeypatch.setattr(engine._fit, "_traced", None)  # not called
+        np.testing.assert_array_equal(engine._fit(*start, **how).x, own.x)
+        monkeypatch.undo()
+        kept.write_bytes(b"broken")
+        engine._fit._made.clear()
+        np.testing.assert_array_equal(engine._fit(*start, **how).x, own.x)
+        assert kept.stat().st_size > 1000
+        other = (effects[0]._replace(change=lambda c, size: c), effects[1])
+        engine._fit(*start, numbers=numbers, effects=other, nonlinear=False)
+        assert list(tmp_path.glob(f"*{programs.SUFFIX}")) == [kept]
+    finally:
+        jax.config.update("jax_compilation_cache_dir", before)
+        engine._fit._made.clear()

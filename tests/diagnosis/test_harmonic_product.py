@@ -4,9 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from diagnosis.circuit import FROM_SAMPLES, TO_SAMPLES
 from diagnosis.harmonic_product import HarmonicProduct
 from diagnosis.resolution import HARMONICS, SAMPLES
+from diagnosis.spectra import FROM_SAMPLES, TO_SAMPLES
 
 
 def places(harmonics):

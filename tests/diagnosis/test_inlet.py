@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
-from diagnosis.circuit import FORCED, FROM_SAMPLES, PHASE, TO_SAMPLES
+from diagnosis.circuit import FORCED
 from diagnosis.engine import base_start
 from diagnosis.fit import Fitted
 from diagnosis.forcing import FORCING_HARMONICS
@@ -25,6 +25,7 @@ from diagnosis.prediction import OWN, SQUEEZE_SD, base_circuit, condition_settin
 from diagnosis.resolution import HARMONICS
 from diagnosis.result import Diagnosis
 from diagnosis.shrink import held_out_gap
+from diagnosis.spectra import FROM_SAMPLES, PHASE, TO_SAMPLES
 from lumped import MMHG
 from tests.diagnosis.records import synthetic
 

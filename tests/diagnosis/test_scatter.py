@@ -7,9 +7,9 @@ from scipy.stats import chi2
 
 from benchmarks.blind.clocked import Clock
 from diagnosis import measured
-from diagnosis.circuit import FROM_SAMPLES
 from diagnosis.measured import data_of, weights, whitener_of
 from diagnosis.scatter import folded_noise
+from diagnosis.spectra import FROM_SAMPLES
 from lumped import MMHG
 from study.case.beat_folding import Folded
 from tests.diagnosis.records import clocked, synthetic

@@ -3,7 +3,7 @@ import pytest
 
 from benchmarks.blind.clocked import Clock, recording
 from benchmarks.blind.truth import aortic
-from diagnosis import circuit
+from diagnosis import resolution
 from study.case import beat_folding
 from study.case.beat_folding import Unfoldable, fold, warped
 from study.case.faults import Fault
@@ -119,7 +119,7 @@ def test_single_lost_samples_are_taken_and_gaps_are_refused():
 
 
 def test_no_harmonic_is_fitted_that_the_diagnosis_leaves_out():
-    assert beat_folding.HARMONICS == circuit.HARMONICS
+    assert beat_folding.HARMONICS == resolution.HARMONICS
 
 
 def test_phases_are_those_of_the_mean_beat():

@@ -74,25 +74,17 @@ def pytest_unconfigure() -> None:
         shutil.rmtree(os.environ[COMPILED], ignore_errors=True)
 
 
-# A process may have 65 530 memory maps on Linux and ends with a fault where it needs more. Each
-# compiled function takes several; this many go with about 4 GB.
-MEMORY_MAPS = 8000
-
-
-def _memory_maps() -> int:
-    """The memory maps of this process; too many where the system does not say."""
-    maps = pathlib.Path("/proc/self/maps")
-    return len(maps.read_bytes().splitlines()) if maps.exists() else MEMORY_MAPS + 1
-
-
 @pytest.fixture(autouse=True, scope="module")
 def _compiled_code_released() -> Iterator[None]:
-    """Release compiled code after a file that leaves too much of it; it is read again from disk."""
+    """Release compiled code after each file; what other files need again comes from the cache.
+
+    A process may have 65 530 memory maps on Linux, and each compiled function takes several: with
+    the code of all files kept, the process ends with a fault.
+    """
     yield
-    if _memory_maps() > MEMORY_MAPS:
-        eqx.clear_caches()
-        jax.clear_caches()
-        gc.collect()
+    eqx.clear_caches()
+    jax.clear_caches()
+    gc.collect()
 
 
 @pytest.fixture(scope="session")

@@ -16,13 +16,13 @@ PROMISES = {
     "sweep_cohort": ["cases: 2000", "rest", "d alpha/d ratio"],
     "elastic_tube": ["mean pressure", "Ohm"],
     "wall_and_blood": ["Newtonian", "Carreau-Yasuda", "viscoelastic", "supported"],
+}
+PROMISES_LONG = {
     "wall_alone": ["Newton steps", "by Lamé"],
     "fsi_gradient": ["dP / d log E", "wider by 0.1 mm"],
     "alpha_in_loop": ["Pd/Pa in 3D", "reached 0.91 within 0.002: True"],
     "ffr_interval": ["FFR 0.8", "chance of 0.80", "dilation", "of the variance"],
     "ffr_gradient": ["FFR under stress", "resting ratio", "with K"],
-}
-PROMISES_LONG = {
     "mesh_from_contours": ["tetrahedra", "anomalous_outlet", "patient.vtu"],
 }
 """Examples that only the slow tests and the build of the site run."""

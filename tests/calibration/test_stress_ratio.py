@@ -37,7 +37,7 @@ def _patient(name):
     return StressRatio(PATIENTS[name], REST, STRESS, stress_rule("printed"), 0.91, SOLVER)
 
 
-@pytest.mark.parametrize("name", PATIENTS)
+@pytest.mark.parametrize("name", ["linear", pytest.param("quadratic", marks=pytest.mark.slow)])
 def test_derivatives_are_those_through_the_calibration(name):
     patient = _patient(name)
     common = ("dilation", "bed_factor", "stress_loss")

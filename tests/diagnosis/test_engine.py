@@ -73,25 +73,31 @@ def test_a_program_is_traced_once_for_all_processes(tmp_path, monkeypatch):
     """What a process has traced another one reads; a broken file is traced again."""
     effects = CATALOGUE[2:4]
     batch, numbers = stacked([measured(settings())] * 2), numbers_of(effects)
-    monkeypatch.setattr(engine._fit, "_made", type(engine._fit._made)())
-    start = (batch, np.array([[0, -1]] * 2), engine.base_start(batch), np.full(2, FITTED))
+    monkeypatch.setattr(engine._descend, "_made", type(engine._descend._made)())
+    start = (
+        batch,
+        np.array([[0, -1]] * 2),
+        at_start(engine.base_start(batch)),
+        np.full(2, FITTED),
+        np.ones(2, int),
+    )
     how = {"numbers": numbers, "effects": effects, "nonlinear": False}
     before = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     jax.config.update("jax_compilation_cache_dir", str(tmp_path))
     try:
-        own = engine._fit(*start, **how)
+        own = engine._descend(*start, **how)
         (kept,) = tmp_path.glob(f"*{programs.SUFFIX}")
-        engine._fit._made.clear()
-        monkeypatch.setattr(engine._fit, "_traced", None)  # not called
-        np.testing.assert_array_equal(engine._fit(*start, **how).x, own.x)
+        engine._descend._made.clear()
+        monkeypatch.setattr(engine._descend, "_traced", None)  # not called
+        np.testing.assert_array_equal(engine._descend(*start, **how).x, own.x)
         monkeypatch.undo()
         kept.write_bytes(b"broken")
-        engine._fit._made.clear()
-        np.testing.assert_array_equal(engine._fit(*start, **how).x, own.x)
+        engine._descend._made.clear()
+        np.testing.assert_array_equal(engine._descend(*start, **how).x, own.x)
         assert kept.stat().st_size > 1000
         other = (effects[0]._replace(change=lambda c, size: c), effects[1])
-        engine._fit(*start, numbers=numbers, effects=other, nonlinear=False)
+        engine._descend(*start, numbers=numbers, effects=other, nonlinear=False)
         assert list(tmp_path.glob(f"*{programs.SUFFIX}")) == [kept]
     finally:
         jax.config.update("jax_compilation_cache_dir", before)
-        engine._fit._made.clear()
+        engine._descend._made.clear()

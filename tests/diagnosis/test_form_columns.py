@@ -1,5 +1,6 @@
 """Freedom of uncertain equations against dense Gaussian algebra."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -33,6 +34,12 @@ PLAIN = Whitener(jnp.ones((C, D)))
 FREEDOM = Freedom(jnp.asarray(OWN), jnp.asarray(SCALARS), jnp.asarray(SHARED), PLAIN)
 
 
+@jax.jit
+def freedoms(record, numbers, pair, x):
+    uncertain = uncertain_signals(record, CATALOGUE, numbers, pair, x, nonlinear=False)
+    return uncertain.freedoms(whitener_of(record))
+
+
 def test_posterior_beside_a_freedom_is_that_of_the_dense_gaussian():
     e, J = RNG.normal(size=(C, D)), RNG.normal(size=(C, D, K))
     after = FREEDOM.posterior(Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.zeros(K))
@@ -59,8 +66,7 @@ def test_correlated_noise_beside_a_freedom_is_that_of_the_dense_gaussian():
     W, k = whitener_of(record), n_unknowns(record) + 2
     x = jnp.zeros(k).at[-2].set(1.0)
     numbers, pair = numbers_of(CATALOGUE), jnp.array([0, -1])
-    uncertain = uncertain_signals(record, CATALOGUE, numbers, pair, x, nonlinear=False)
-    freedom = of_kind(uncertain.freedoms(W), jnp.asarray(2))
+    freedom = of_kind(freedoms(record, numbers, pair, x), jnp.asarray(2))
     C, d = W.weight.shape
     e, J = RNG.normal(size=(C, d)), RNG.normal(size=(C, d, k))
     after = freedom.posterior(Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.zeros(k))
@@ -91,8 +97,7 @@ def test_only_a_bed_of_another_structure_gives_the_base_model_a_freedom():
     record = measured(synthetic({}, seed=4))
     x = jnp.zeros(n_unknowns(record) + 2)
     none = jnp.array([-1, -1])
-    own = uncertain_signals(record, CATALOGUE, numbers_of(CATALOGUE), none, x, nonlinear=False)
-    found = own.freedoms(whitener_of(record))
+    found = freedoms(record, numbers_of(CATALOGUE), none, x)
     largest = (np.abs(np.asarray(a)).reshape(2, -1).max(axis=1) for a in (found.own, found.shared))
     (guessed, own_bed), (alike, alike_bed) = largest
     assert guessed == alike == 0.0 < own_bed
@@ -107,7 +112,7 @@ def test_a_scan_beside_a_freedom_gives_the_exact_evidence_of_what_it_adds():
     e, J, G = RNG.normal(size=(C, D)), RNG.normal(size=(C, D, K)), RNG.normal(size=(C, D, 2))
     e, J, G = (jnp.asarray(a) for a in (e, J, G))
     numbers = Catalogue(jnp.ones(2), jnp.array([0.0, 1.0]), jnp.zeros(2))
-    scan = score_scan(Linearised(Whitened(e, J), G), numbers, FREEDOM)
+    scan = jax.jit(score_scan)(Linearised(Whitened(e, J), G), numbers, FREEDOM)
     alone = FREEDOM.posterior(Whitened(e, J), jnp.zeros(K)).log_evidence
     found = {(0,): scan.log_B[0], (1,): scan.log_B[1], (0, 1): scan.pair_log_B[0, 1]}
     for added, given in found.items():

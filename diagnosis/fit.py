@@ -32,11 +32,8 @@ from diagnosis.hypothesis import (
 from diagnosis.likeliest_kind import likeliest_kind
 from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import (
-    ConditionSettings,
     as_waves,
-    condition_settings,
     n_unknowns,
-    observations,
     selection,
 )
 
@@ -94,10 +91,9 @@ def towards_optimum(
 
     Arguments are those of `fit_about`, where the fit stands, and the number of steps.
     """
-    slopes, observed = _whitened_model(
-        measured, effects, numbers, pair, fixed_size, nonlinear=nonlinear
-    )
-    return descend(slopes, observed, begun, steps)
+    model = _whitened_model(measured, effects, numbers, pair, fixed_size, nonlinear=nonlinear)
+    observed = whitener_of(measured)(data_of(measured))
+    return descend(lambda x: model(x)[:2], observed, begun, steps)
 
 
 def _whitened_model(
@@ -108,16 +104,11 @@ def _whitened_model(
     fixed_size: Float[ArrayLike, ""],
     *,
     nonlinear: bool,
-) -> tuple[Callable[[Array], tuple[Array, Array]], Float[Array, "c d"]]:
-    """Whitened prediction and derivative of a hypothesis as a function of x, and the data."""
-    W, cases = whitener_of(measured), condition_settings(measured)
+) -> Callable[[Array], tuple[Array, Array, SensorSpectra]]:
+    """Whitened prediction, derivative and signals of a hypothesis as a function of x."""
     beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
-
-    def seen(case: ConditionSettings, own: Array) -> Array:
-        return observations(beat(case, own), measured.n_sensors)
-
     chooser = jnp.asarray(selection(measured.n_conditions, 2))
-    return whitened_by_condition(seen, W, cases, chooser), W(data_of(measured))
+    return whitened_by_condition(beat, measured, chooser)
 
 
 def fit_about(
@@ -143,17 +134,16 @@ def fit_about(
         nonlinear: whether any of the two makes the ostium nonlinear (static).
     """
     k, W = n_unknowns(measured), whitener_of(measured)
-    slopes, observed = _whitened_model(
-        measured, effects, numbers, pair, fixed_size, nonlinear=nonlinear
-    )
+    model = _whitened_model(measured, effects, numbers, pair, fixed_size, nonlinear=nonlinear)
+    observed = W(data_of(measured))
     sided = one_sided_unknowns(measured, numbers, pair)
 
-    def about(x: Array) -> tuple[Array, Whitened]:
-        """The model linearised at x."""
+    def about(x: Array) -> tuple[Array, Whitened, SensorSpectra]:
+        """The model linearised at x, and its signals."""
         # below zero a one-sided size is flat and has no derivative: linearise at zero
         inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
-        value, J = slopes(inside)
-        return inside, Whitened(observed - value + J @ inside, J)
+        value, J, seen = model(inside)
+        return inside, Whitened(observed - value + J @ inside, J), seen
 
     def with_freedom(linear: Whitened, x: Array, kind: Array) -> tuple[Array, Freedom]:
         """Posterior mean of the linearised model with guessed equations, and their freedom."""
@@ -163,22 +153,22 @@ def fit_about(
         freedoms = uncertain.freedoms(W)
         return of_kind(freedoms, kind).posterior(linear, sided).mean, freedoms
 
-    def refined(x: Array, kind: Array) -> tuple[Array, tuple[Array, Whitened, Freedom]]:
-        inside, linear = about(x)
+    def refined(x: Array, kind: Array) -> tuple[Array, tuple]:
+        inside, linear, seen = about(x)
         given = linear, inside, kind
         nothing = jax.tree.map(
             lambda leaf: jnp.zeros(leaf.shape), jax.eval_shape(with_freedom, *given)
         )
         mean, freedoms = jax.lax.cond(kind > 0, with_freedom, lambda *_: nothing, *given)
-        return mean, (inside, linear, freedoms)
+        return mean, (inside, linear, freedoms, seen)
 
     # the optimum assumes exact equations: iterate the posterior mean with their uncertainty; one
     # loop compiles in half the time of three calls
-    _, (points, linears, freedoms) = jax.lax.scan(refined, optimum, jnp.asarray(_REFINED))
+    _, (points, linears, freedoms, signals) = jax.lax.scan(refined, optimum, jnp.asarray(_REFINED))
     freedoms = jax.tree.map(lambda a: a[1], freedoms)
     found = likeliest_kind(points, linears, freedoms, pair, sided)
     x = points[found.at]
-    beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
+    waves = jax.vmap(as_waves)(jax.tree.map(lambda a: a[found.at], signals))
     sd = jnp.sqrt(jnp.diagonal(found.after.covariance)[k:])
     sd = sd * (places_of(numbers, pair) @ numbers.sd)
     chi2 = jnp.sum(found.residual**2)
@@ -189,13 +179,5 @@ def fit_about(
     sizes = effect_sizes(numbers, pair, x[k:])
     return Fitted(
         x, optimum, log_Z, found.kinds, chi2, found.misfit, cost, found.residual, sizes, sd,
-        _waves(measured, beat, points[found.at]), sound,
+        waves, sound,
     )  # fmt: skip
-
-
-def _waves(
-    measured: Measured, beat: Callable[..., SensorSpectra], x: Float[Array, " k"]
-) -> Float[Array, "c 3 n"]:
-    """Predicted signals of the sensors in all conditions."""
-    own = jnp.asarray(selection(measured.n_conditions, 2)) @ x
-    return jax.vmap(lambda case, own: as_waves(beat(case, own)))(condition_settings(measured), own)

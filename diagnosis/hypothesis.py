@@ -214,38 +214,47 @@ def uncertain_signals(
 
 
 def by_condition(
-    model: Callable[[ConditionSettings, Array], Array],
+    beat: Callable[[ConditionSettings, Array], SensorSpectra],
+    n_sensors: int,
     cases: ConditionSettings,
     chooser: Float[Array, "c o k"],
-) -> Callable[[Array], tuple[Array, Array]]:
-    """Values of all conditions with their derivatives by all unknowns, as a function of those."""
+) -> Callable[[Array], tuple[Array, Array, SensorSpectra]]:
+    """Predicted data of all conditions, their derivatives, and the signals, as a function of x.
 
-    def one(case: ConditionSettings, own: Array) -> tuple[Array, Array]:
-        def with_value(own: Array) -> tuple[Array, Array]:
-            value = model(case, own)
-            return value, value
+    Args:
+        beat: signals of a condition with its unknowns.
+        n_sensors: number of sensors with a waveform.
+        cases: the conditions.
+        chooser: see `prediction.selection`.
+    """
 
-        J, value = jax.jacfwd(with_value, has_aux=True)(own)
-        return value, J
+    def one(case: ConditionSettings, own: Array) -> tuple[Array, Array, SensorSpectra]:
+        def with_value(own: Array) -> tuple[Array, tuple[Array, SensorSpectra]]:
+            seen = beat(case, own)
+            value = observations(seen, n_sensors)
+            return value, (value, seen)
 
-    def slopes(x: Array) -> tuple[Array, Array]:
-        value, J = jax.vmap(one)(cases, chooser @ x)
-        return value, jnp.einsum("cdo,cok->cdk", J, chooser)
+        J, (value, seen) = jax.jacfwd(with_value, has_aux=True)(own)
+        return value, J, seen
+
+    def slopes(x: Array) -> tuple[Array, Array, SensorSpectra]:
+        value, J, seen = jax.vmap(one)(cases, chooser @ x)
+        return value, jnp.einsum("cdo,cok->cdk", J, chooser), seen
 
     return slopes
 
 
 def whitened_by_condition(
-    model: Callable[[ConditionSettings, Array], Array],
-    W: Whitener,
-    cases: ConditionSettings,
+    beat: Callable[[ConditionSettings, Array], SensorSpectra],
+    measured: Measured,
     chooser: Float[Array, "c o k"],
-) -> Callable[[Array], tuple[Array, Array]]:
-    """What `by_condition` gives, whitened."""
-    plain = by_condition(model, cases, chooser)
+) -> Callable[[Array], tuple[Array, Array, SensorSpectra]]:
+    """What `by_condition` gives, data and derivatives whitened."""
+    W = whitener_of(measured)
+    plain = by_condition(beat, measured.n_sensors, condition_settings(measured), chooser)
 
-    def slopes(x: Array) -> tuple[Array, Array]:
-        value, J = plain(x)
-        return W(value), W.columns(J)
+    def slopes(x: Array) -> tuple[Array, Array, SensorSpectra]:
+        value, J, seen = plain(x)
+        return W(value), W.columns(J), seen
 
     return slopes

@@ -36,7 +36,7 @@ from diagnosis.hypothesis import (
     uncertain_signals,
 )
 from diagnosis.measured import Measured, data_of, whitener_of
-from diagnosis.prediction import ConditionSettings, condition_settings, observations, selection
+from diagnosis.prediction import condition_settings, selection
 
 
 class Predicted(NamedTuple):
@@ -76,10 +76,7 @@ def predictive_density(
     inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
     shown = dataclasses.replace(measured, held_out=jnp.zeros_like(measured.held_out))
 
-    def seen(case: ConditionSettings, own: Array) -> Array:
-        return observations(beat(case, own), measured.n_sensors)
-
-    value, J = by_condition(seen, cases, jnp.asarray(chooser))(inside)
+    value, J, _ = by_condition(beat, measured.n_sensors, cases, jnp.asarray(chooser))(inside)
     uncertain = uncertain_signals(measured, effects, numbers, pair, inside, nonlinear=nonlinear)
 
     def linear_of(record: Measured) -> tuple[Whitened, Freedom]:

@@ -33,7 +33,7 @@ QUICK_TO_COMPILE = {"xla_cpu_use_fusion_emitters": False}
 SUFFIX = "-program"
 """End of the name of a traced program on disk."""
 
-KEPT_SHAPES = 16
+KEPT_SHAPES = 8
 """Shapes of records whose compiled code a process keeps, of each program."""
 
 _PACKAGES = ("calibration", "diagnosis", "lumped")
@@ -145,18 +145,8 @@ class Program(Generic[T]):
             return None
         name = self._job.__name__
         shapes = [(leaf.shape, str(leaf.dtype)) for leaf in leaves]
-        told = repr(
-            (
-                name,
-                _source(),
-                jax.__version__,
-                jax.default_backend(),
-                str(tree),
-                shapes,
-                changes,
-                nonlinear,
-            )
-        )
+        versions = _source(), jax.__version__, jax.default_backend()
+        told = repr((name, versions, str(tree), shapes, changes, nonlinear))
         digest = hashlib.sha256(told.encode()).hexdigest()
         return pathlib.Path(folder) / f"{name}-{digest}{SUFFIX}"
 

@@ -35,7 +35,7 @@ from diagnosis.hypothesis import (
     whitened_by_condition,
 )
 from diagnosis.measured import Measured, data_of, whitener_of
-from diagnosis.prediction import SHARED, condition_settings, n_unknowns, observations, selection
+from diagnosis.prediction import SHARED, n_unknowns, selection
 from diagnosis.programs import QUICK_TO_COMPILE
 from diagnosis.result import Diagnosis
 from diagnosis.verdict import CLOSED_P, Hypothesis, is_closed
@@ -143,15 +143,12 @@ def _covariance(
     nonlinear: bool,
 ) -> Float[Array, "k k"]:
     """Posterior covariance of a hypothesis about its fit; arguments as of `likeliest_freedom`."""
-    W, cases = whitener_of(measured), condition_settings(measured)
-    chooser = jnp.asarray(selection(measured.n_conditions, 2))
+    W, chooser = whitener_of(measured), jnp.asarray(selection(measured.n_conditions, 2))
     beat = sensor_model(effects, numbers, pair, nonlinear=nonlinear)
-    slopes = whitened_by_condition(
-        lambda case, own: observations(beat(case, own), measured.n_sensors), W, cases, chooser
-    )
+    model = whitened_by_condition(beat, measured, chooser)
     sided = one_sided_unknowns(measured, numbers, pair)
     inside = jnp.where(sided > 0.5, jnp.maximum(x, 0.0), x)
-    value, J = slopes(inside)
+    value, J, _ = model(inside)
     freedom = likeliest_freedom(
         measured, effects, numbers, pair, inside, kinds, nonlinear=nonlinear
     )

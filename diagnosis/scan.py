@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float, Int
 
+from diagnosis.circuit import SensorSpectra
 from diagnosis.effects import Effect
 from diagnosis.evidence import Whitened, log_moment
 from diagnosis.form_columns import Freedom
@@ -20,9 +21,7 @@ from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import (
     OWN,
     ConditionSettings,
-    condition_settings,
     n_unknowns,
-    observations,
     predict,
     selection,
 )
@@ -60,15 +59,14 @@ def linearise(
         sizes: size of every effect there [its unit].
         nonlinear: whether any effect makes the ostium nonlinear (static).
     """
-    W, cases = whitener_of(measured), condition_settings(measured)
+    W = whitener_of(measured)
     chooser = jnp.asarray(selection(measured.n_conditions, len(effects)))
     joined = jnp.concatenate([x[: n_unknowns(measured)], sizes])
 
-    def seen(case: ConditionSettings, own: Array) -> Array:
-        beat = predict(case, own[:OWN], effects, own[OWN:], nonlinear=nonlinear)
-        return observations(beat, measured.n_sensors)
+    def beat(case: ConditionSettings, own: Array) -> SensorSpectra:
+        return predict(case, own[:OWN], effects, own[OWN:], nonlinear=nonlinear)
 
-    value, J = whitened_by_condition(seen, W, cases, chooser)(joined)
+    value, J, _ = whitened_by_condition(beat, measured, chooser)(joined)
     k = n_unknowns(measured)
     residual = W(data_of(measured)) - value
     linear = Whitened(residual + J[..., :k] @ x[:k], J[..., :k])

@@ -283,14 +283,18 @@ def _start(circuit: Circuit, true: Spectrum, omega: Real) -> Number:
     turn = jax.lax.complex(jnp.zeros_like(omega), omega)
     synthesis, weight = jnp.asarray(TO_SAMPLES[_UPSTROKE].T), jnp.asarray(_WEIGHT)
 
+    def about_mean(spectra: Complex[Array, "k f"]) -> Float[Array, "k n"]:
+        waves = coefficients(spectra) @ synthesis
+        return waves - (waves @ weight)[:, None]
+
+    m = about_mean(true[None])
+
     def later(_: Any, late: Number) -> Number:
         moved = seen * jax.lax.complex(jnp.cos(omega * late), jnp.sin(omega * late))
-        waves = coefficients(jnp.stack([moved, moved * turn, true])) @ synthesis
-        waves = waves - (waves @ weight)[:, None]
-        C = (weight[None] * waves) @ waves.T
-        return late + (C[0, 0] * C[1, 2] - C[0, 1] * C[0, 2]) / (
-            C[1, 1] * C[0, 2] - C[0, 1] * C[1, 2]
-        )
+        s = about_mean(jnp.stack([moved, moved * turn]))
+        weighted = weight[None] * s
+        C, c = weighted @ s.T, (weighted @ m.T)[:, 0]
+        return late + (C[0, 0] * c[1] - C[0, 1] * c[0]) / (C[1, 1] * c[0] - C[0, 1] * c[1])
 
     return jax.lax.fori_loop(0, ALIGNMENTS, later, jnp.zeros(()))
 

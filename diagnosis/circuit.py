@@ -14,8 +14,9 @@ With harmonics of the period (X_k, ω = 2πk/T), node by node from the right:
           − (P_2 − P_micro − P_3)/R_2 + Q_wall − bypass/(R_2 + R_3) (P_2 − P_venous)
     Q   = iωC0 P_1 + (P_1 − P_2)/R_1 − G_e (P_inlet − P_1)
     Y_a = iωC_a (e + (1 − e)/(1 + iωτ_wall))/(1 + iωτ_whole)
-    P_inlet + P_ostium − P_1 = (R0 + iωL) Q + R0 (R0_wave − 1) Q + (K + K_known R0_wave) Q|Q|
-                               + K_turbulent Q|Q|^0.75
+    P_inlet + P_ostium − P_1 = (R0 + iωL + L_layer B(ω)) Q
+                               + R0 (R0_wave − 1) Q + (K + K_known R0_wave) Q|Q|
+                               + K_turbulent Q|Q|^0.75,     B as of `boundary_layers`
 
 Without the last three terms the system is linear and is solved harmonic by harmonic. With them,
 Newton's method gives the first `LOW` harmonics of Q, and the linear system with the mean of the
@@ -62,6 +63,9 @@ LOW = 24
 TURBULENT_POWER = 1.75
 """Power of the flow with which turbulent friction grows (Blasius 1913)."""
 
+LAYER_TIME = 0.06
+"""τ = a²/(4ν) of a vessel of radius a = 1 mm [s], see `boundary_layers`."""
+
 NEWTON_STEPS = 3
 """Newton steps from the linear solution, before that of the implicit-function theorem: pressures to
 1e-4 mmHg for a loss of three prior widths."""
@@ -94,6 +98,7 @@ class Circuit(NamedTuple):
         P_inlet, P_LV: pressures of aorta and ventricle at the samples [dyn/cm²].
         R0, L, K: linear resistance, inertance, quadratic loss of the ostium
             [dyn·s/cm⁵, dyn·s²/cm⁵, dyn·s²/cm⁸].
+        L_layer: inertance whose boundary layers are added to the ostium, see `LAYER_TIME`.
         K_known: quadratic loss that is known with R0 and scales with it [dyn·s²/cm⁸].
         K_turbulent: loss that grows with the power 1.75 of the flow [dyn·s^1.75/cm^7.25].
         R0_wave: factor on R0 and K_known over the beat, ones without an effect.
@@ -127,6 +132,7 @@ class Circuit(NamedTuple):
     P_LV: Wave
     R0: Number
     L: Number
+    L_layer: Number
     K: Number
     K_known: Number
     K_turbulent: Number
@@ -236,13 +242,30 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> SensorSpectra:
     source_1 = (g_1 * source_2 + g_epicardial * inlet) * Z
 
     drive = inlet + ostium - source_1
-    series = Z + R0 + iw * _complex(circuit.L)
+    layer = boundary_layers(omega) * _complex(circuit.L_layer)
+    series = Z + R0 + iw * _complex(circuit.L) + layer
     Q = drive * _inverse(series)
     if nonlinear:
         Q = _nonlinear_flow(circuit, drive, series, Q)
     seen = sensed(circuit, SensorSpectra(inlet, Z * Q + source_1, Q))
     Q_seen = Q + _complex(FLOW_SHARE * Q[0].real) * at_flow
     return SensorSpectra(seen.P_aorta + at_aorta, seen.P_distal + at_distal, Q_seen)
+
+
+def boundary_layers(omega: Real) -> Spectrum:
+    """What the boundary layers of an oscillating flow add to R + iωL, over L [1/s].
+
+    With s = iωτ,   (√(s + c²) − c)/τ,   c = 5/4:
+
+    for fast oscillations the first two terms of Womersley's impedance beyond s, for slow ones his
+    4/3 of the inertance as 1.4. Source: Womersley 1955, J Physiol 127:553.
+
+    Args:
+        omega: angular frequencies [1/s].
+    """
+    c, y = 1.25, omega * LAYER_TIME
+    real = jnp.sqrt(0.5 * (jnp.sqrt(c**4 + y**2) + c**2))
+    return jax.lax.complex(real - c, 0.5 * y / real) / LAYER_TIME
 
 
 def sensed(circuit: Circuit, true: SensorSpectra) -> SensorSpectra:

@@ -13,6 +13,7 @@
 6. Compare how the best hypothesis and no gap predict conditions that were left out (`predictive`);
    one that predicts worse is not named. Nor is one that misses the held-out traces by more than no
    gap does (`shrink.heeding_held_out`).
+   Nothing is named, and no gap is not stated, where the beats are not alike (`steadiness`).
 7. Where nothing explains a record, and its aortic trace itself misfits or a free forcing would act
    at the inlet, repeat all this with the recorded aortic waveform in place of the assumed one
    (`inlet`, `own_inlet`).
@@ -58,10 +59,12 @@ from diagnosis.result import Diagnosis
 from diagnosis.scan import Scan
 from diagnosis.shrink import heeding_held_out
 from diagnosis.singles import single_fits
+from diagnosis.steadiness import unlike
 from diagnosis.verdict import (
     PRIOR,
     Hypothesis,
     judge,
+    of_unlike_beats,
     predicts_no_worse,
     probabilities_of,
     unconfirmed,
@@ -104,16 +107,26 @@ def diagnose(
         found = _diagnosed(batch, effects, forms, numbers, progress)
     freed = np.array([b for b, d in enumerate(found) if needs_own_inlet(d)], int)
     if freed.size == 0:
-        return [heeding_held_out(d) for d in found]
+        return [_heeding(d) for d in found]
     own, sound = inlet_freed(rows(batch, freed), numbers, forms, progress)
     if not np.any(sound):
-        return [heeding_held_out(d) for d in found]
+        return [_heeding(d) for d in found]
     own = rows(own, np.flatnonzero(sound))
     with compiled_ahead(own, numbers, forms):
         again = _diagnosed(own, effects, forms, numbers, progress)
     for b, d in zip(freed[sound], again, strict=True):
         found[b] = with_own_inlet(found[b], d)
-    return [heeding_held_out(d) for d in found]
+    return [_heeding(d) for d in found]
+
+
+def _heeding(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis with a verdict that heeds what was held out, and beats that are not alike."""
+    heeded = heeding_held_out(diagnosis)
+    numbers = heeded.record.steadiness
+    if numbers is None:
+        return heeded
+    ways = unlike(np.asarray(numbers))
+    return heeded._replace(judgement=of_unlike_beats(heeded.judgement, ways))
 
 
 def _diagnosed(

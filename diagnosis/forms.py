@@ -32,8 +32,14 @@ SQUEEZE_DELAY = 0.1
 """Delay of the squeeze behind the ventricular pressure at size one [beats]; assumed. The base model
 states the times of the ventricle in parts of the beat too."""
 
-RINGING, UNDERDAMPED, DAMPED = 0.12, 0.25, 0.7
+SQUEEZE_LATENESS = 0.06
+"""The same as a time of its own, which the heart rate does not change [s]; assumed."""
+
+RINGING, UNDERDAMPED, MIDDLE, DAMPED = 0.12, 0.22, 0.4, 0.75
 """Damping ratios of fluid-filled catheters: 0.07 to 0.7."""
+
+STRESS_LEAVES = 0.5
+"""Share of a back pressure that vessels dilated under stress keep; assumed."""
 
 PEAK_PRESSURE = 80.0
 """Size at which the phase of the aortic pressure moves by t/T ln(t/T) [mmHg]; assumed. The expected
@@ -44,6 +50,9 @@ _WARP = PHASE * np.log(np.maximum(PHASE, 1e-12))
 
 _FALL = 1.0 / (1.0 + np.exp(-(PHASE - 0.18) / 0.02)) / (1.0 + np.exp((PHASE - 0.8) / 0.02))
 """Part of the beat in which the ventricular pressure falls: 1 there, 0 while it rises."""
+
+_HALF_SINE = np.sin(np.pi * np.clip((PHASE - 0.0692) / (0.4 - 0.0692), 0.0, 1.0))
+"""Half a sine between the start and the end of the ventricular pressure."""
 
 INERTIA_OF_STENOSIS = 0.02
 """L/K of a stenosis [ml]: L = ρl/A, K = ρ/(2A²)·1.5, with l A of 0.01 to 0.03 ml."""
@@ -82,6 +91,16 @@ def late_squeeze(c: Circuit, size: Array) -> Circuit:
     return c._replace(P_LV=c.P_LV + _later(c.P_LV, size * SQUEEZE_DELAY))
 
 
+def squeeze_late_by_a_time(c: Circuit, size: Array) -> Circuit:
+    """Ventricular pressure on the vessels later by φ times `SQUEEZE_LATENESS`."""
+    return c._replace(P_LV=c.P_LV + _later(c.P_LV, size * SQUEEZE_LATENESS / c.period))
+
+
+def rounder_squeeze(c: Circuit, size: Array) -> Circuit:
+    """Ventricular pressure nearer to half a sine of the same peak by φ."""
+    return c._replace(P_LV=c.P_LV + size * (jnp.max(c.P_LV) * jnp.asarray(_HALF_SINE) - c.P_LV))
+
+
 def _later(wave: Array, delay: Array) -> Array:
     """What a delay [beats] changes of a waveform, in its harmonics."""
     turn = 2.0 * jnp.pi * delay * jnp.arange(HARMONICS + 1, dtype=float)
@@ -93,6 +112,21 @@ def shorter_squeeze(c: Circuit, size: Array) -> Circuit:
     """Ventricular pressure under dobutamine whose fall is earlier by φ times `SQUEEZE_DELAY`."""
     early = _later(c.P_LV, -c.dobutamine * size * SQUEEZE_DELAY)
     return c._replace(P_LV=c.P_LV + jnp.asarray(_FALL) * early)
+
+
+def transmural_narrowing(c: Circuit, size: Array) -> Circuit:
+    """Narrowing by the aortic pressure less that in the vessel, which flow lowers by R0 Q.
+
+    exp(φ (P_aorta − 80 + R0 Q)/80), to first order in R0 Q.
+    """
+    wave = jnp.exp(size * (c.P_inlet - P_NARROWING) / P_NARROWING)
+    return c._replace(R0_wave=c.R0_wave * wave, K=c.K + size * c.R0**2 / P_NARROWING)
+
+
+def harder_shorter_squeeze(c: Circuit, size: Array) -> Circuit:
+    """`shorter_squeeze` that is stronger too, by φ."""
+    shorter = shorter_squeeze(c, size)
+    return shorter._replace(P_LV=shorter.P_LV * (1.0 + c.dobutamine * size))
 
 
 def narrowing_under_stress(c: Circuit, size: Array) -> Circuit:
@@ -110,6 +144,17 @@ def loss_with_inertia(c: Circuit, size: Array) -> Circuit:
     """A stenosis with the inertia of its own blood."""
     K = size * MMHG
     return c._replace(K=c.K + K, L=c.L + INERTIA_OF_STENOSIS * K)
+
+
+def inertia_with_layers(c: Circuit, size: Array) -> Circuit:
+    """The inertance of an oscillating flow with the shear of its boundary layers."""
+    return c._replace(L=c.L + size * MMHG, L_layer=c.L_layer + size * MMHG)
+
+
+def back_pressure_at_rest(c: Circuit, size: Array) -> Circuit:
+    """A back pressure of which stress leaves the share `STRESS_LEAVES`."""
+    left = 1.0 - (1.0 - STRESS_LEAVES) * c.stress
+    return c._replace(P_venous=c.P_venous + left * size * MMHG)
 
 
 def aortic_regulation(*names: str) -> Change:
@@ -153,6 +198,11 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("lagging", "R0 exp(φ (P̂_aorta − 80)/80), lag 60 ms", lagged_narrowing),
         Form("tube law", "R0 (1 − ½ tanh(φ (P_aorta − 80)/80))⁻²", tube_narrowing),
         Form("under stress", "R0 exp(s φ (P_aorta − 80)/80)", narrowing_under_stress),
+        Form("transmural", "R0 exp(φ (P_aorta + R0 Q − 80)/80)", transmural_narrowing),
+    ),
+    "inertance": (
+        Form("with boundary layers", "L dQ/dt with the layers of an oscillating flow, L = φ",
+             inertia_with_layers),
     ),
     "stress_narrowing": (
         Form("dobutamine alone", "R0 exp(d φ)", Scaled(("R0", "K_known"), 1.0, "dobutamine")),
@@ -180,7 +230,11 @@ FORMS: dict[str, tuple[Form, ...]] = {
     ),
     "stress_compliance": (
         Form("C_a alone", "C_a exp(s φ)", Scaled(("C_a",), 1.0, "stress")),
+        Form("of arteries", "C0, C_a exp(s φ)", Scaled(("C0", "C_a"), 1.0, "stress")),
         Form("C_im alone", "C_im exp(s φ)", Scaled(("C_im",), 1.0, "stress")),
+    ),
+    "back_pressure": (
+        Form("less under stress", "P_venous = φ (1 − s/2)", back_pressure_at_rest),
     ),
     "collateral_flow": (
         Form(
@@ -191,9 +245,13 @@ FORMS: dict[str, tuple[Form, ...]] = {
     ),
     "intramyocardial_pump": (
         Form("late", "P_LV(t − φ T/10)", late_squeeze),
+        Form("late by a time", "P_LV(t − φ 60 ms)", squeeze_late_by_a_time),
+        Form("rounder", "P_LV + φ (half a sine − P_LV)", rounder_squeeze),
     ),
     "dobutamine_inotropy": (
         Form("shorter", "P_LV(t + d φ T/10) once it falls", shorter_squeeze),
+        Form("harder and shorter", "P_LV(t + d φ T/10) (1 + d φ), the delay once it falls",
+             harder_shorter_squeeze),
     ),
     "wall_viscoelasticity": (
         Form("Voigt", "C_a/(1 + iωφ)", Added("whole_wall_time")),
@@ -207,17 +265,21 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("stated pressures as well", "P_aorta + φ, stated P_aorta + φ", stated_zero),
     ),
     "catheter_damping": (
-        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", Resonance("aortic", UNDERDAMPED)),
-        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", Resonance("aortic", DAMPED)),
+        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.22", Resonance("aortic", UNDERDAMPED)),
+        Form("resonant", "second order, ω₀ = 2ζ/φ, ζ = 0.4", Resonance("aortic", MIDDLE)),
+        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.75", Resonance("aortic", DAMPED)),
         Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", Resonance("aortic", RINGING)),
         Form("aligned", "lag φ, beats from the upstroke of the trace",
              Added("aligned_lag")),
-        Form("aligned, underdamped", "second order, ζ = 0.25, beats from the upstroke of the trace",
+        Form("aligned, underdamped", "second order, ζ = 0.22, beats from the upstroke of the trace",
              Resonance("aligned", UNDERDAMPED)),
+        Form("aligned, resonant", "second order, ζ = 0.4, beats from the upstroke of the trace",
+             Resonance("aligned", MIDDLE)),
     ),
     "distal_damping": (
-        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.25", Resonance("distal", UNDERDAMPED)),
-        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.7", Resonance("distal", DAMPED)),
+        Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.22", Resonance("distal", UNDERDAMPED)),
+        Form("resonant", "second order, ω₀ = 2ζ/φ, ζ = 0.4", Resonance("distal", MIDDLE)),
+        Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.75", Resonance("distal", DAMPED)),
         Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", Resonance("distal", RINGING)),
     ),
     "signal_delay": (

@@ -76,6 +76,8 @@ class Measured(eqx.Module):
             without any.
         squeeze_delay: of the ventricular pressure behind its assumed time [beats]; None with
             `inlet`.
+        steadiness: how unlike the beats are, numbers of `steadiness.Steadiness`; None without
+            waveforms.
     """
 
     period: Float[Array, "*b c"]
@@ -102,6 +104,7 @@ class Measured(eqx.Module):
     modes: Float[Array, "*b c d r"] | None = None
     inlet: Float[Array, "*b c n"] | None = None
     squeeze_delay: Float[Array, "*b"] | None = None
+    steadiness: Float[Array, "*b 3"] | None = None
 
     @property
     def n_conditions(self) -> int:

@@ -250,5 +250,6 @@ def _with_sensors(record: Measured, sensors: str, sd: float) -> Measured:
         "modes": None,
         "inlet": None,
         "squeeze_delay": None,
+        "steadiness": None,
     }
     return Measured(**fields)

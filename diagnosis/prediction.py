@@ -169,6 +169,7 @@ def base_circuit(case: ConditionSettings, own: Float[Array, " 10"]) -> Circuit:
         P_LV=(1.0 + TRANSMISSION_SD * own[5]) * P_LV,
         R0=case.R0 * narrower,
         L=zero if case.L is None else case.L,
+        L_layer=zero,
         K=zero,
         K_known=zero if case.K is None else case.K * narrower,
         K_turbulent=zero,

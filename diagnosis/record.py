@@ -33,6 +33,7 @@ from diagnosis.record_checks import check_record
 from diagnosis.resolution import HARMONICS, SAMPLES
 from diagnosis.richness import RICHNESS
 from diagnosis.scatter import FEWEST_BEATS, FORM_SD, FORMS, folded_noise
+from diagnosis.steadiness import Steadiness, steadiness
 from lumped.units import MMHG
 
 PRESSURE_SD, FLOW_RELATIVE_SD, FFR_SD = 1.0 * MMHG, 0.05, 0.01
@@ -248,6 +249,16 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         L=None if record.L is None else jnp.asarray(float(record.L)),
         wave_power=None if power is None else jnp.asarray(power),
         modes=None if modes is None else jnp.asarray(modes),
+        steadiness=jnp.asarray(_steadiness(record)) if waves.shape[1] else None,
+    )
+
+
+def _steadiness(record: Record) -> Steadiness:
+    return steadiness(
+        [
+            {k: v for k, v in c.beats.items() if k == "P_aorta" or not c.held_out}
+            for c in record.conditions
+        ]
     )
 
 

@@ -2,7 +2,8 @@
 
 The scan about the base optimum predicts how much better another form of an effect would do than its
 first one. A form is fitted where that prediction comes near the best effect of the record, or its
-scan near the best one; the others get the predicted evidence, at most that of the first form.
+scan near the best one, and either favours it over no effect; the others get the predicted evidence,
+at most that of the first form.
 Records without waveforms hardly tell forms apart: there all are predicted.
 
 A fit starts from the base optimum. Where an unknown of the patient has gone far from its prior
@@ -19,12 +20,16 @@ from diagnosis.engine import ProgressCallback, run_fits
 from diagnosis.fit import Fitted
 from diagnosis.hypothesis import Catalogue
 from diagnosis.measured import Measured
-from diagnosis.pairs import WORTH_PAIRING, Causes
+from diagnosis.pairs import Causes
 from diagnosis.ridge import along_ridges
 from diagnosis.scan import Scan
 
 NEAR = 12.0
 """ln B below that of the best effect down to which further forms are fitted."""
+
+WORTH_FITTING = 0.0
+"""ln B by the prediction or the scan below which a further form is not fitted: the record is then
+likelier without the effect."""
 
 STRAINED = 3.0
 """Distance of an unknown from its prior, in standard deviations, from which fits of effects start
@@ -62,9 +67,9 @@ def single_fits(
     expected = log_B + scanned - scanned[:, first][:, causes.of]
     best = expected.max(axis=1, keepdims=True)
     further = ~np.isin(np.arange(F), first)[None, :]
-    near = expected > np.maximum(best - NEAR, WORTH_PAIRING)
+    near = expected > np.maximum(best - NEAR, WORTH_FITTING)
     # a first form that is far from what happened tells nothing of the others
-    near |= scanned > np.maximum(scanned.max(axis=1, keepdims=True) - NEAR, WORTH_PAIRING)
+    near |= scanned > np.maximum(scanned.max(axis=1, keepdims=True) - NEAR, WORTH_FITTING)
     wanted = further & near
     if not batch.n_sensors:
         wanted[:] = False

@@ -9,7 +9,8 @@ effect sums its probabilities alone, in pairs, and together with an unknown effe
 |---|---|
 | no_gap | P(none) ≥ 0.05: no gap can be demonstrated |
 | named | effects have an inclusion ≥ 0.8, close the gap, and predict what was left out no worse |
-| unknown | P(unknown) ≥ 0.5, or effects would be named but do not close the gap or predict worse |
+| unknown | P(unknown) ≥ 0.5, or effects would be named but do not close the gap or predict worse;
+            or the beats are not alike (`steadiness`), so that their mean stands for none |
 | ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
 
 Closed: the remaining misfit has p > 0.001 or is below 10 % of the base model's excess.
@@ -62,6 +63,7 @@ class Judgement(NamedTuple):
         best: the most probable hypothesis other than "unknown".
         closed: whether the best hypothesis closes the gap.
         confirmed: whether it predicts conditions that were left out no worse than no gap does.
+        unlike_beats: in which ways the beats are not alike, names of `steadiness.WORDS`.
     """
 
     verdict: Verdict
@@ -72,6 +74,7 @@ class Judgement(NamedTuple):
     best: Hypothesis
     closed: bool
     confirmed: bool = True
+    unlike_beats: tuple[str, ...] = ()
 
 
 def key_of(hypothesis: Hypothesis) -> str:
@@ -180,6 +183,17 @@ def judge(
     else:
         verdict, named = "ambiguous", cover
     return Judgement(verdict, named, probabilities, inclusion, cover, best, closed)
+
+
+def of_unlike_beats(judgement: Judgement, ways: tuple[str, ...]) -> Judgement:
+    """The verdict once its beats are not alike: nothing is named, and no gap is not excluded."""
+    if not ways:
+        return judgement
+    verdict, named = judgement.verdict, judgement.named
+    if verdict in ("named", "no_gap"):
+        nearest = max(judgement.inclusion, key=lambda e: judgement.inclusion[e])
+        verdict, named = "unknown", named or (nearest,)
+    return judgement._replace(verdict=verdict, named=named, unlike_beats=ways)
 
 
 def unconfirmed(judgement: Judgement) -> Judgement:

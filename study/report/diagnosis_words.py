@@ -7,6 +7,7 @@ import numpy as np
 from diagnosis import Diagnosis, Effect, find_effect
 from diagnosis.next_measurement import VISIBLE, next_measurements, usual_visibility
 from diagnosis.shrink import held_out_gap
+from diagnosis.steadiness import WORDS
 from diagnosis.verdict import NO_GAP
 from diagnosis.where import forcing_shares
 from lumped import MMHG
@@ -41,6 +42,12 @@ def sentence(diagnosis: Diagnosis, chance: float) -> str:
         chance: that noise alone leaves so large a misfit of the base model.
     """
     judgement, effects = diagnosis.judgement, diagnosis.effects
+    if judgement.unlike_beats:
+        ways = "; ".join(WORDS[way] for way in judgement.unlike_beats)
+        return (
+            f"The beats of the record are not alike: {ways}. One mean beat does not stand for them,"
+            " so no cause is named."
+        )
     if judgement.verdict == "no_gap":
         return (
             "No gap can be demonstrated: measurement error and the patient's unknowns explain the "
@@ -119,6 +126,12 @@ def bed_remark(diagnosis: Diagnosis) -> list[str]:
 def _of_verdict(diagnosis: Diagnosis, conditions: list[str]) -> list[str]:
     """What follows from the verdict itself."""
     verdict = diagnosis.judgement.verdict
+    if diagnosis.judgement.unlike_beats:
+        return [
+            "Record again, in a steady rhythm, with a wire that was equalised at body temperature "
+            "and stays in its place, six beats or more.",
+            "Do not rely on this model for a condition that was not measured.",
+        ]
     if verdict == "no_gap":
         steps = ["Use the calibrated model as it is."]
         if diagnosis.record.n_sensors == 0:

@@ -2,9 +2,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.special import jv
 
 from diagnosis import CATALOGUE, Effect, find_effect, measured
-from diagnosis.circuit import FORCED
+from diagnosis.circuit import FORCED, LAYER_TIME, boundary_layers
 from diagnosis.effects import all_forms
 from diagnosis.prediction import as_waves, base_circuit, condition_settings, observations, predict
 from diagnosis.resolution import HARMONICS
@@ -107,6 +108,16 @@ def test_a_known_quadratic_loss_is_that_of_the_effect_and_narrows_with_the_vesse
     # the prior's width and the effect both move the whole curve
     np.testing.assert_allclose(changed.R0, wider.R0, rtol=1e-12)
     np.testing.assert_allclose(changed.K_known, wider.K_known, rtol=1e-12)
+
+
+def test_boundary_layers_are_those_of_womersley():
+    omega = 2.0 * np.pi * np.linspace(0.2, 30.0, 200)
+    s = 1j * omega * LAYER_TIME
+    root = 2j * np.sqrt(s)  # the argument i^(3/2) a √(ω/ν)
+    exact = s / (1.0 - 2.0 * jv(1, root) / (root * jv(0, root)))
+    found = 2.0 + s + np.asarray(boundary_layers(jnp.asarray(omega))) * LAYER_TIME
+    # of a closed form for two series; the steady part is Poiseuille's 8ν/a² = 2/τ
+    assert np.max(np.abs(found / exact - 1.0)) < 0.03
 
 
 def test_a_forcing_of_the_flow_sensor_moves_the_measured_flow_alone():

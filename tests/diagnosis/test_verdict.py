@@ -6,6 +6,7 @@ from diagnosis.verdict import (
     PRIOR,
     is_closed,
     judge,
+    of_unlike_beats,
     predicts_no_worse,
     probabilities_of,
 )
@@ -47,6 +48,24 @@ def test_a_gap_must_be_demonstrated_before_it_is_explained(none, a, unknown, ver
     p = {"none": none, "a": a, "b": 1.0 - none - a - unknown, "unknown": unknown}
     judgement = judge(p, ("a", "b"), {(): 12.0, ("a",): 9.0, ("b",): 10.0}, 20, 5)
     assert judgement.verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("none", "a", "verdict", "named"),
+    [
+        (0.12, 0.78, "unknown", ("a",)),
+        (0.01, 0.95, "unknown", ("a",)),
+        (0.01, 0.7, "ambiguous", None),
+    ],
+)
+def test_beats_that_are_not_alike_name_nothing_and_leave_no_gap_open(none, a, verdict, named):
+    p = {"none": none, "a": a, "b": 1.0 - none - a - 0.02, "unknown": 0.02}
+    judgement = judge(p, ("a", "b"), {(): 12.0, ("a",): 9.0, ("b",): 10.0}, 20, 5)
+    assert of_unlike_beats(judgement, ()) is judgement
+    found = of_unlike_beats(judgement, ("wandering",))
+    assert found.verdict == verdict
+    assert found.named == (named or judgement.named)
+    assert found.unlike_beats == ("wandering",)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from study.report.diagnosis_words import bed_remark, doubts
+from study.report.diagnosis_words import bed_remark, doubts, sentence, to_do
 
 
 def test_no_gap_beside_something_more_probable_says_so():
@@ -12,6 +12,16 @@ def test_no_gap_beside_something_more_probable_says_so():
     assert "something not in the catalogue has probability 0.62, no gap 0.29" in said
     assert "below 0.05" in said
     assert doubts({"none": 0.8, "unknown": 0.1, "back_pressure": 0.1}) == []
+
+
+def test_beats_that_are_not_alike_are_told_and_what_to_do():
+    judgement = SimpleNamespace(unlike_beats=("alternating", "wandering"), verdict="unknown")
+    record = SimpleNamespace(n_sensors=0)
+    diagnosis = SimpleNamespace(judgement=judgement, effects=(), record=record)
+    said = sentence(diagnosis, 0.5)
+    assert "not alike: every second beat is weaker; the distal trace wanders" in said
+    assert "no cause is named" in said
+    assert to_do(diagnosis, [])[0].startswith("Record again, in a steady rhythm")
 
 
 @pytest.mark.parametrize(

@@ -151,6 +151,7 @@ def judged(verdict_: str, none: float) -> Any:
         probabilities=p,
         closed=False,
         confirmed=True,
+        unlike_beats=(),
     )
     return types.SimpleNamespace(judgement=judgement, effects=(), beside={(): 1.0}, known_part=())
 

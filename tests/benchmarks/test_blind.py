@@ -162,8 +162,15 @@ def test_probabilities_agree_with_importance_sampling(folder):
     assert log_Z - base == pytest.approx(found.log_B[best], abs=0.5)
 
 
-def test_labels_that_were_changed_are_refused(folder, tmp_path):
-    seal(tmp_path, unseal(folder))
+def test_labels_that_were_changed_are_refused(tmp_path):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(truth, "STEPS", 800)
+        patch.setattr(truth, "BEATS", 2)
+        cases = Cases(1, 1, effects=CAUSES[:1])
+    cases.write(tmp_path / "noise-0.5", 0.5)
+    assert len(records_in(sorted((tmp_path / "noise-0.5").iterdir()))) == 1
+    seal(tmp_path, cases.labels)
+    assert unseal(tmp_path) == cases.labels
     text = bytearray((tmp_path / "labels.sealed").read_bytes())
     text[3] ^= 1
     (tmp_path / "labels.sealed").write_bytes(bytes(text))

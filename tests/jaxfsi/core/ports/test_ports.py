@@ -1,6 +1,7 @@
 """Every port of the registry through everything that a port must do; a new one takes one line."""
 
 import dataclasses
+import itertools
 
 import equinox as eqx
 import jax
@@ -27,7 +28,7 @@ from jaxfsi.core.step.equations import begin_step, extrapolated
 from jaxfsi.core.step.step import RESULTS, advance_step
 from jaxfsi.mesh import INTERFACE
 from jaxfsi.meshing import tube
-from jaxfsi.verification.volume_balance import keep_books, volume_errors
+from jaxfsi.verification.volume_balance import balance, wet_wall
 from lumped import RCR, Sinusoid
 from lumped.parameters import Parameter, parameter
 
@@ -190,10 +191,17 @@ def test_prescribed_velocity_is_held_and_leaves_the_rest_alone(case, end):
 
 
 def test_volume_is_conserved(case):
-    wall = jnp.asarray(case.mesh.labelled(INTERFACE).T)
-    books = keep_books(case.model, case.start, case.stepper, wall, N_STEPS)
+    """The balance of each step, as `keep_books` has it, of steps that the other tests compile."""
+    wall, states = wet_wall(case.mesh), [case.start]
+    for _ in range(N_STEPS):
+        states.append(case.after(1, states[-1]))
+    flows = [
+        balance(before, after, case.model, case.stepper.method, wall)
+        for before, after in itertools.pairwise(states)
+    ]
+    leak = max(abs(float(flow.ports + flow.wall)) for flow in flows)
     # The sum of the continuity equations, solved to 1e-6 of what extrapolation leaves of them.
-    assert volume_errors(books).equation < 1e-5
+    assert leak < 1e-5 * np.mean([float(flow.through) / 2.0 for flow in flows])
 
 
 def test_state_holds_all_that_the_port_needs_to_go_on(case, end):

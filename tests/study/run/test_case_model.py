@@ -147,7 +147,8 @@ def test_damping_penalty_and_tissue_arrive(read):
 
 def test_parts_of_the_wall_have_moduli_of_their_own(read, monkeypatch):
     """With parts of a tube called as those of an anatomy are."""
-    tables = "[wall]\nE_dyn_per_cm2 = 1e7\nE_coronary_dyn_per_cm2 = 2e7\n"
+    linear = '[wall]\nelement = "linear"\n'  # its programs are the smallest
+    tables = f"{linear}E_dyn_per_cm2 = 1e7\nE_coronary_dyn_per_cm2 = 2e7\n"
     case = read(tables)
     mesh = case_mesh(case)
     region = np.arange(np.sum(mesh.region == Region.SOLID)) % 3
@@ -158,7 +159,7 @@ def test_parts_of_the_wall_have_moduli_of_their_own(read, monkeypatch):
     septum = wall_of(read("[wall]\nE_septum_dyn_per_cm2 = 2e7\n"), mesh).material.E
     assert np.array_equal(septum, np.where(region == WallRegion.SEPTUM, 2e7, 1.5e7))
     # prestress and equilibrium of a wall with one modulus a tetrahedron: twice as stiff everywhere
-    alike = read("[wall]\nE_dyn_per_cm2 = 2e7\n")
+    alike = read(f"{linear}E_dyn_per_cm2 = 2e7\n")
     ports = {"inlet": SHUT, "outlet": SHUT}
     monkeypatch.setattr("study.run.case_model.wall_regions", lambda mesh, anatomy: 0 * region + 1)
     with jax.numpy_rank_promotion("allow"):
@@ -214,7 +215,7 @@ def widening(found) -> float:
 
 
 def test_damping_and_tissue_hold_the_wall(ended):
-    soft = '[wall]\nprestress = "none"\nE_dyn_per_cm2 = 3e6\n'
+    soft = '[wall]\nelement = "linear"\nprestress = "none"\nE_dyn_per_cm2 = 3e6\n'
     free = widening(ended(soft))
     damped = widening(ended(f"{soft}damping_poise = 1e5\n"))
     held = widening(ended(f"{soft}[tissue]\nstiffness_dyn_per_cm3 = 3e6\n"))

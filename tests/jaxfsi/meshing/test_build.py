@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 from jaxfsi.anatomy import adult_anatomy, paediatric_anatomy, sample_anatomies, synthetic_anatomy
-from jaxfsi.mesh import Mesh, Region
+from jaxfsi.faces import boundary_of
+from jaxfsi.measures import enclosed_volume
+from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.mesh_checks import check_mesh
 from jaxfsi.meshing import (
     PRESETS,
@@ -15,6 +17,8 @@ from jaxfsi.meshing import (
     build_mesh,
     elements_across,
 )
+from jaxfsi.meshing.check.section_areas import section_areas
+from tests.jaxfsi.meshing.solid_angles import solid_angles
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +46,53 @@ def test_topology_is_that_of_vessels_in_a_wall(result):
     topology = result.report.topology
     assert topology.faults == ()
     assert topology.euler == {"lumen": 2, "wall": -2, "outer": 2}
+
+
+def test_interface_is_the_same_set_of_triangles_in_blood_and_wall(mesh):
+    def keys(faces: np.ndarray) -> set[tuple[int, ...]]:
+        return set(map(tuple, np.sort(faces, axis=1).tolist()))
+
+    blood, wall = (keys(boundary_of(mesh.tets_of(region))) for region in Region)
+    assert blood & wall == keys(mesh.labelled(INTERFACE))
+    on_interface = np.unique(mesh.labelled(INTERFACE))
+    shared = np.intersect1d(mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID))
+    np.testing.assert_array_equal(shared, on_interface)
+
+
+def test_volumes_of_tetrahedra_and_of_closed_surfaces_agree(mesh, result):
+    volume = result.report.topology.volume
+    # The same volume in two ways: round-off of some 1e4 terms.
+    lumen = enclosed_volume(mesh.points, boundary_of(mesh.tets_of(Region.FLUID)))
+    assert lumen == pytest.approx(volume["fluid"], rel=1e-10)
+    whole = enclosed_volume(mesh.points, boundary_of(mesh.tets))
+    assert whole == pytest.approx(sum(volume.values()), rel=1e-10)
+
+
+def test_no_node_of_the_wall_lies_inside_the_lumen(mesh):
+    surface = boundary_of(mesh.tets_of(Region.FLUID))
+    nodes = np.setdiff1d(mesh.tets_of(Region.SOLID), surface)
+    turns = solid_angles(mesh.points[nodes], mesh.points[surface]) / (4.0 * np.pi)
+    # A winding number is a whole number: 0 outside, 1 inside.
+    np.testing.assert_allclose(turns, 0.0, atol=1e-8)
+    inside = mesh.points[mesh.tets_of(Region.FLUID)[::50]].mean(axis=1)
+    turns = solid_angles(inside, mesh.points[surface]) / (4.0 * np.pi)
+    np.testing.assert_allclose(turns, 1.0, atol=1e-8)
+
+
+def test_lumen_areas_are_those_asked_for_and_left_open_where_vessels_join(mesh, anatomy):
+    branch = section_areas(mesh, anatomy, vessel="branch")
+    known = np.isfinite(branch.error)
+    assert 4 <= np.sum(known) < len(known)
+    # About five elements go round a lumen in a coarse mesh.
+    assert branch.largest_error < 0.05
+    assert abs(np.mean(branch.error[known])) < 0.03
+    aorta = section_areas(mesh, anatomy, vessel="aorta")
+    known = np.isfinite(aorta.error)
+    assert np.sum(known) > 0.2 * len(known)
+    # A second vessel in the plane would add far more.
+    assert aorta.largest_error < 0.05
+    with pytest.raises(ValueError, match="has no centerline 'vein'"):
+        section_areas(mesh, anatomy, vessel="vein")
 
 
 def test_elements_are_well_shaped_and_as_many_as_asked(result):

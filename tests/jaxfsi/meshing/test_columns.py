@@ -126,7 +126,7 @@ def test_wall_without_a_septum_is_all_wedges():
 
 
 def test_wall_that_takes_no_columns_is_tetrahedra_and_says_so():
-    tube = straight_tube()
+    tube = straight_tube(half_length=0.25)
     # The wall that is drawn is five times as thick as the one that is asked for.
     thicker = dataclasses.replace(tube, thickness=lambda x: np.full(len(x), 0.02))
     report = build_mesh(thicker, preset="coarse", wedge_layers=1).report

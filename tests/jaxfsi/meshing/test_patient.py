@@ -1,4 +1,7 @@
-"""The real patient: what is meshed is what was measured, in all four states."""
+"""The real patient: what is meshed is what was measured, in all four states.
+
+`test_build.py` checks the same of a small anatomy, which is quick.
+"""
 
 import pathlib
 from typing import NamedTuple
@@ -20,6 +23,7 @@ from jaxfsi.meshing import MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
 from study import demo_case_path, read_case
 from study.run.anatomy_source import case_anatomy
+from tests.jaxfsi.meshing.solid_angles import solid_angles
 
 BUNDLED = demo_case_path().parent
 
@@ -41,21 +45,7 @@ def patient() -> Meshed:
     return Meshed(anatomy, build_mesh(anatomy, preset="coarse"))
 
 
-def solid_angles(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Sum of the signed solid angles of triangles at points (van Oosterom and Strackee 1983)."""
-    total = np.zeros(len(points))
-    for i in range(0, len(points), 200):
-        a, b, c = np.moveaxis(corners[None] - points[i : i + 200, None, None], 2, 0)
-        la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))
-        top = np.einsum("ptk,ptk->pt", a, np.cross(b, c))
-        below = la * lb * lc + sum(
-            np.einsum("ptk,ptk->pt", x, y) * length
-            for x, y, length in ((a, b, lc), (b, c, la), (c, a, lb))
-        )
-        total[i : i + 200] = 2.0 * np.sum(np.arctan2(top, below), axis=1)
-    return total
-
-
+@pytest.mark.slow
 def test_interface_is_the_same_set_of_triangles_in_blood_and_wall(patient):
     mesh = patient.result.mesh
 
@@ -69,6 +59,7 @@ def test_interface_is_the_same_set_of_triangles_in_blood_and_wall(patient):
     np.testing.assert_array_equal(shared, on_interface)
 
 
+@pytest.mark.slow
 def test_euler_characteristics_and_volumes_are_those_of_three_openings(patient):
     topology = patient.result.report.topology
     assert topology.faults == ()
@@ -85,6 +76,7 @@ def test_euler_characteristics_and_volumes_are_those_of_three_openings(patient):
     assert 1.0 < lumen / (np.pi * 1.4**2 * length) < 1.04
 
 
+@pytest.mark.slow
 def test_no_node_of_the_wall_lies_inside_the_lumen(patient):
     mesh = patient.result.mesh
     surface = boundary_of(mesh.tets_of(Region.FLUID))
@@ -97,6 +89,7 @@ def test_no_node_of_the_wall_lies_inside_the_lumen(patient):
     np.testing.assert_allclose(turns, 1.0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_tissue_between_the_lumens_is_as_thick_as_measured(patient):
     septum = patient.result.report.fidelity.septum_ratio
     assert septum is not None
@@ -105,6 +98,7 @@ def test_tissue_between_the_lumens_is_as_thick_as_measured(patient):
     assert (through.wall, through.septum) == (0, 0)
 
 
+@pytest.mark.slow
 def test_coarse_lumen_areas_are_the_measured_ones(patient):
     areas = section_areas(patient.result.mesh, patient.anatomy)
     assert len(areas.s) == 20
@@ -115,6 +109,7 @@ def test_coarse_lumen_areas_are_the_measured_ones(patient):
     assert abs(np.mean(areas.error)) < 0.01
 
 
+@pytest.mark.slow
 def test_sections_where_vessels_join_are_left_open_but_frames_never(patient):
     mesh, anatomy = patient.result.mesh, patient.anatomy
     aorta = section_areas(mesh, anatomy, vessel="aorta")

@@ -50,6 +50,10 @@ def test_no_other_change_with_the_same_loss_is_smaller():
     found = least_change(SLIT, 1.4, sd=SD, **BLOOD)
     correlation = np.exp(-0.5 * ((S[:, None] - S) / 0.15) ** 2) + 1e-10 * np.eye(S.size)
 
+    @jax.jit
+    def loss(delta):
+        return lumen_law(changed_lumen(SLIT, delta), **BLOOD).R0
+
     def n_sd(delta):
         return float(np.sqrt(delta @ np.linalg.solve(SD**2 * correlation, delta)))
 
@@ -59,7 +63,7 @@ def test_no_other_change_with_the_same_loss_is_smaller():
         wanted = 1.4 * float(lumen_law(SLIT, **BLOOD).R0)
         for _ in range(60):
             middle = 0.5 * (low + high)
-            short = float(lumen_law(changed_lumen(SLIT, middle * delta), **BLOOD).R0) < wanted
+            short = float(loss(middle * delta)) < wanted
             low, high = (middle, high) if short else (low, middle)
         return middle * delta
 
@@ -73,6 +77,7 @@ def test_no_other_change_with_the_same_loss_is_smaller():
 
 
 def test_the_gradient_of_the_loss_is_that_of_central_differences():
+    @jax.jit
     def R0(delta):
         return lumen_law(changed_lumen(SLIT, delta), **BLOOD).R0
 

@@ -124,8 +124,9 @@ def test_a_class_name_has_one_meaning():
 
 def _undefined(path: pathlib.Path) -> set[str]:
     """Global names that a module reads and nowhere defines; strings of shapes are no names."""
-    code = compile(path.read_text(encoding="utf-8"), str(path), "exec", dont_inherit=True)
-    table = symtable.symtable(path.read_text(encoding="utf-8"), str(path), "exec")
+    text = path.read_text(encoding="utf-8")
+    code = compile(text, str(path), "exec", dont_inherit=True)
+    table = symtable.symtable(text, str(path), "exec")
     known = {s.get_name() for s in table.get_symbols() if s.is_assigned() or s.is_imported()}
     known |= set(dir(builtins)) | {"__file__", "__name__", "__doc__", "__path__"}
     known |= {name for scope in _scopes(table) for name in _declared_global(scope)}
@@ -143,12 +144,9 @@ def _declared_global(table) -> set[str]:
 
 
 def _read_globals(code) -> set[str]:
-    found = {
-        step.argval
-        for step in dis.get_instructions(code)
-        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")
-    }
-    assigned = {step.argval for step in dis.get_instructions(code) if step.opname == "STORE_NAME"}
+    steps = list(dis.get_instructions(code))
+    found = {step.argval for step in steps if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")}
+    assigned = {step.argval for step in steps if step.opname == "STORE_NAME"}
     inner = (part for part in code.co_consts if isinstance(part, types.CodeType))
     return (found - assigned).union(*(_read_globals(part) for part in inner))
 

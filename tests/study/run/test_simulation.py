@@ -86,6 +86,13 @@ def _quick():
         yield
 
 
+@pytest.fixture(autouse=True)
+def _no_pictures(monkeypatch):
+    """A process of its own draws them: for `outcome`, which is made before this, and no other."""
+    none = ({}, [], "no pictures: these tests have them once")
+    monkeypatch.setattr("study.cli.simulate_command.draw_simulation", lambda *scene: none)
+
+
 @pytest.fixture(scope="module")
 def case_file(tmp_path_factory):
     folder = tmp_path_factory.mktemp("simulate")
@@ -137,6 +144,7 @@ def test_files_of_a_run(outcome):
     page = (outcome.folder / "simulation.html").read_text()
     assert "Pressures and flows" in page
     assert page.count("<svg") == 2
+    assert "no pictures: these tests" not in page
     assert outcome.json["frames"] == 5
 
 

@@ -135,6 +135,7 @@ def test_batch_equals_loop(batch):
         np.testing.assert_allclose(one.chi2, fits.chi2[k], rtol=1e-10)
 
 
+@pytest.mark.slow  # its twin with another solver: test_waveforms_return_their_parameters_...
 def test_nonlinear_surrogate_is_fitted_by_shooting():
     truth = Surrogate(R0=4e3, alpha=0.25, K=2e3)
     solver = Shooting(n_steps=16, order=1)

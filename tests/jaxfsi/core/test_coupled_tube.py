@@ -251,6 +251,7 @@ def bending(model):
     return mesh, build_model(mesh, ports, wall=model.wall, wall_element="bending")
 
 
+@pytest.mark.slow  # its twin with linear walls: test_volume_is_conserved_over_a_cycle
 def test_wall_that_bends_conserves_volume(bending):
     mesh, model = bending
     stepper = prepare(DT, model)

@@ -197,7 +197,11 @@ def test_diagonal_in_the_blood_is_that_of_the_tangent():
     assert jnp.array_equal(inverse[:, others], known.inverse_diagonal[:, others])
 
 
-@pytest.mark.parametrize("kind", ["linear", "quadratic", "rigid", "dry"])
+@pytest.mark.parametrize(
+    "kind",
+    # the quadratic wall's own part is quick in test_wall_factor.py
+    ["linear", pytest.param("quadratic", marks=pytest.mark.slow), "rigid", "dry"],
+)
 def test_transposed_preconditioner_is_the_transpose(kind):
     model = _part(kind)
     M = preconditioner(DT, model, METHOD, dtype=np.float64)

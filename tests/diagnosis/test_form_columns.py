@@ -34,6 +34,9 @@ PLAIN = Whitener(jnp.ones((C, D)))
 FREEDOM = Freedom(jnp.asarray(OWN), jnp.asarray(SCALARS), jnp.asarray(SHARED), PLAIN)
 
 
+posterior = jax.jit(Freedom.posterior)
+
+
 @jax.jit
 def freedoms(record, numbers, pair, x):
     uncertain = uncertain_signals(record, CATALOGUE, numbers, pair, x, nonlinear=False)
@@ -42,7 +45,7 @@ def freedoms(record, numbers, pair, x):
 
 def test_posterior_beside_a_freedom_is_that_of_the_dense_gaussian():
     e, J = RNG.normal(size=(C, D)), RNG.normal(size=(C, D, K))
-    after = FREEDOM.posterior(Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.zeros(K))
+    after = posterior(FREEDOM, Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.zeros(K))
     flat = J.reshape(C * D, K)
     whole = COVARIANCE + flat @ flat.T
     y = e.reshape(-1)
@@ -69,7 +72,7 @@ def test_correlated_noise_beside_a_freedom_is_that_of_the_dense_gaussian():
     freedom = of_kind(freedoms(record, numbers, pair, x), jnp.asarray(2))
     C, d = W.weight.shape
     e, J = RNG.normal(size=(C, d)), RNG.normal(size=(C, d, k))
-    after = freedom.posterior(Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.zeros(k))
+    after = posterior(freedom, Whitened(jnp.asarray(e), jnp.asarray(J)), jnp.zeros(k))
     own, shared = np.asarray(freedom.dense()), np.asarray(freedom.shared).reshape(C * d, -1)
     flat = J.reshape(C * d, k)
     whole = np.eye(C * d) + block_diag(*(one @ one.T for one in own)) + shared @ shared.T
@@ -113,12 +116,12 @@ def test_a_scan_beside_a_freedom_gives_the_exact_evidence_of_what_it_adds():
     e, J, G = (jnp.asarray(a) for a in (e, J, G))
     numbers = Catalogue(jnp.ones(2), jnp.array([0.0, 1.0]), jnp.zeros(2))
     scan = jax.jit(score_scan)(Linearised(Whitened(e, J), G), numbers, FREEDOM)
-    alone = FREEDOM.posterior(Whitened(e, J), jnp.zeros(K)).log_evidence
+    alone = posterior(FREEDOM, Whitened(e, J), jnp.zeros(K)).log_evidence
     found = {(0,): scan.log_B[0], (1,): scan.log_B[1], (0, 1): scan.pair_log_B[0, 1]}
     for added, given in found.items():
         n, at = len(added), jnp.array(added)
         sided = jnp.zeros(K + n).at[-n:].set(numbers.one_sided[at])
-        after = FREEDOM.posterior(Whitened(e, jnp.concatenate([J, G[..., at]], axis=-1)), sided)
+        after = posterior(FREEDOM, Whitened(e, jnp.concatenate([J, G[..., at]], axis=-1)), sided)
         moments = log_moment(after.mean[-n:], jnp.diagonal(after.covariance)[-n:], sided[-n:])
         exact = after.log_evidence - alone + jnp.sum(moments)
         assert float(given) == pytest.approx(float(exact), rel=1e-8, abs=1e-8)

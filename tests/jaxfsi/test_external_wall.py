@@ -89,7 +89,8 @@ def test_membranes_that_are_none_of_this_pullback_are_refused(tmp_path):
         read_external_wall(lumen, write(tmp_path / "z.csv", frames), np.arange(6))
 
 
-@pytest.mark.parametrize("phase", ["diastolic", "systolic"])
+# the other phase has the same vessel under another pressure
+@pytest.mark.parametrize("phase", ["diastolic", pytest.param("systolic", marks=pytest.mark.slow)])
 def test_wall_of_a_real_coronary(shared_data, phase):
     folder = shared_data / "ivus_eem"
     if not folder.is_dir():

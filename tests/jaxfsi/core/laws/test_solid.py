@@ -19,7 +19,17 @@ from jaxfsi.core.solve.wall_tangent import apply_wall, wall_tangent
 from jaxfsi.meshing import strip
 from jaxfsi.verification import ENERGIES, MATERIALS, VOLUME_ENERGIES
 
-materials = pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS)
+AGAIN = ("st_venant_kirchhoff", "neo_hookean")
+"""Laws that `MATERIALS` has again with a penalty or another Poisson's ratio."""
+
+materials = pytest.mark.parametrize(
+    "material",
+    [
+        # the slow ones are fast twins with a penalty and another Poisson's ratio
+        pytest.param(law, marks=[pytest.mark.slow] if name in AGAIN else [], id=name)
+        for name, law in MATERIALS.items()
+    ],
+)
 
 
 @pytest.fixture(scope="module", params=["linear", "quadratic"])

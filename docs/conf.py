@@ -27,6 +27,7 @@ extensions = [
     "drawings",
     "katex_math",
     "public_data",
+    "quick_names",
     "source_page",
 ]
 exclude_patterns = ["_*", "**/GALLERY_HEADER.rst", "tutorials/*.py"]

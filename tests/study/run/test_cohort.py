@@ -44,11 +44,15 @@ def _write(folder, name, rest, stress, venous=0.0):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """Two sound cases, and one whose ratio lies below what its venous pressure allows."""
+    """Two sound cases, one whose ratio lies below what its venous pressure allows, and two without
+    a measurement under stress.
+    """
     folder = tmp_path_factory.mktemp("patients")
     _write(folder, "a", 0.93, 0.90)
     _write(folder, "b", 0.88, 0.86)
     _write(folder, "c", 0.20, 0.18, venous=30.0)
+    _write(folder, "low", 0.75, None)
+    _write(folder, "high", 0.96, None)
     return folder
 
 
@@ -67,12 +71,12 @@ def _cohort(command, folder, out):
 
 def test_faulty_case_does_not_stop_the_others(cohort):
     status = {p["name"]: p["status"] for p in cohort.json["patients"]}
-    assert status == {"a": 0, "b": 0, "c": 2}
-    reason = cohort.json["patients"][2]["reason"]
+    assert status == {"a": 0, "b": 0, "c": 2, "low": 0, "high": 0}
+    (reason,) = (p["reason"] for p in cohort.json["patients"] if p["name"] == "c")
     assert "venous pressure" in reason or "cannot be reached" in reason
     assert (cohort.folder / "a" / "report.html").is_file()
     page = (cohort.folder / "cohort.html").read_text()
-    assert '2 of 3 cases finished; without a result: <a href="#patient-1">c</a>.' in page
+    assert '4 of 5 cases finished; without a result: <a href="#patient-1">c</a>.' in page
     assert '<tr id="patient-1"><td class="left">c</td>' in page
 
 
@@ -97,16 +101,16 @@ def test_groups_hold_the_differences_of_the_cases(cohort):
     assert f"{predicted:.4f} ({errors[0]:+.4f})".replace("-", "−") in page
 
 
-def test_stress_that_was_not_measured_is_predicted(command, tmp_path):
-    _write(tmp_path / "patients", "low", 0.75, None)
-    _write(tmp_path / "patients", "high", 0.96, None)
-    found = _cohort(command, tmp_path / "patients", tmp_path / "out")
-    stress = [p for p in found.json["pairs"] if p["condition"] == "dobutamine"]
+def test_stress_that_was_not_measured_is_predicted(cohort):
+    stress = [p for p in cohort.json["pairs"] if p["condition"] == "dobutamine"]
+    stress = [p for p in stress if p["patient"] in ("low", "high")]
     assert {p["patient"] for p in stress} == {"low", "high"}
     assert all(p["measured"] is None and 0.0 < p["predicted"] < 1.0 for p in stress)
-    assert {g["condition"] for g in found.json["groups"]} == {"rest"}
-    page = (tmp_path / "out" / "cohort.html").read_text()
-    assert "Dobutamine, rule “all”: FFR of 0.80 or less in 1 of 2 patients (low)" in page
+    # they are in no group of differences
+    numbers = {g["condition"]: g["n"] for g in cohort.json["groups"]}
+    assert numbers == {"rest": 4, "dobutamine": 2}
+    page = (cohort.folder / "cohort.html").read_text()
+    assert "Dobutamine, rule “all”: FFR of 0.80 or less in 2 of 4 patients (b, low)" in page
     low = next(p for p in stress if p["patient"] == "low" and p["boundary"] == "calibrated")
     assert f"<td>{low['predicted']:.4f}</td>" in page  # no difference in brackets behind it
 

@@ -82,7 +82,7 @@ def lumen_sections(anatomy: Anatomy) -> tuple[np.ndarray, np.ndarray]:
     ("drug", "phase"),
     [
         ("rest", "diastolic"),
-        # the slow ones lie between these two, the widest and the narrowest lumen
+        # these two have the least and the greatest resistance (test_reduced_law.py)
         pytest.param("rest", "systolic", marks=pytest.mark.slow),
         pytest.param("stress", "diastolic", marks=pytest.mark.slow),
         ("stress", "systolic"),

@@ -27,6 +27,10 @@ from diagnosis.scan import Scan
 NEAR = 12.0
 """ln B below that of the best effect down to which further forms are fitted."""
 
+LINEAR = 0.2
+"""The same as a share of the best scan: of a strong effect a scan, which is linear in the size, is
+off by a part of itself."""
+
 WORTH_FITTING = 0.0
 """ln B by the prediction or the scan below which a further form is not fitted: the record is then
 likelier without the effect."""
@@ -69,7 +73,9 @@ def single_fits(
     further = ~np.isin(np.arange(F), first)[None, :]
     near = expected > np.maximum(best - NEAR, WORTH_FITTING)
     # a first form that is far from what happened tells nothing of the others
-    near |= scanned > np.maximum(scanned.max(axis=1, keepdims=True) - NEAR, WORTH_FITTING)
+    most = scanned.max(axis=1, keepdims=True)
+    within = np.maximum(NEAR, LINEAR * most)
+    near |= scanned > np.maximum(most - within, WORTH_FITTING)
     wanted = further & near
     if not batch.n_sensors:
         wanted[:] = False

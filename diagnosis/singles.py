@@ -14,6 +14,7 @@ priors' means as well.
 
 import jax
 import numpy as np
+from jaxtyping import Bool, Float
 
 from diagnosis.effects import EXPECTED, Effect
 from diagnosis.engine import ProgressCallback, run_fits
@@ -69,14 +70,8 @@ def single_fits(
     ]
     scanned = np.asarray(scan.log_B)
     expected = log_B + scanned - scanned[:, first][:, causes.of]
-    best = expected.max(axis=1, keepdims=True)
     further = ~np.isin(np.arange(F), first)[None, :]
-    near = expected > np.maximum(best - NEAR, WORTH_FITTING)
-    # a first form that is far from what happened tells nothing of the others
-    most = scanned.max(axis=1, keepdims=True)
-    within = np.maximum(NEAR, LINEAR * most)
-    near |= scanned > np.maximum(most - within, WORTH_FITTING)
-    wanted = further & near
+    wanted = further & worth_fitting(expected, scanned)
     if not batch.n_sensors:
         wanted[:] = False
     every = jax.tree.map(lambda leaf: np.asarray(leaf)[row.ravel()], fits)
@@ -104,6 +99,22 @@ def single_fits(
         return found
 
     return jax.tree.map(placed, every, more)
+
+
+def worth_fitting(
+    expected: Float[np.ndarray, "b forms"], scanned: Float[np.ndarray, "b forms"]
+) -> Bool[np.ndarray, "b forms"]:
+    """Which forms may matter.
+
+    Args:
+        expected: ln B of every form as the fit of its effect's first form and the scan predict it.
+        scanned: ln B by the scan alone: a first form that is far from what happened tells nothing
+            of the others.
+    """
+    best, most = (ln_B.max(axis=1, keepdims=True) for ln_B in (expected, scanned))
+    near = expected > np.maximum(best - NEAR, WORTH_FITTING)
+    within = np.maximum(NEAR, LINEAR * most)
+    return near | (scanned > np.maximum(most - within, WORTH_FITTING))
 
 
 def strained(base: Fitted) -> np.ndarray:

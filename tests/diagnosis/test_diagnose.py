@@ -19,7 +19,7 @@ from diagnosis.next_measurement import (
 )
 from diagnosis.scan import linearise, score_scan
 from diagnosis.shrink import fitted_gap, held_out_gap
-from diagnosis.singles import strained
+from diagnosis.singles import strained, worth_fitting
 from diagnosis.where import forcing_shares, joint_map, place_probabilities, rest_map
 from lumped import MMHG
 from tests.diagnosis.records import NAMES, synthetic
@@ -79,6 +79,16 @@ def test_a_patient_far_from_the_priors_hides_no_effect(found):
     fitted = found[5].fits[("distal_damping",)]
     size, sd = float(fitted.sizes[NAMES.index("distal_damping")]), float(fitted.size_sd[0])
     assert abs(size - 0.02) < 5.0 * sd
+
+
+def test_a_form_is_fitted_where_prediction_or_scan_come_near_the_best():
+    #                    best   near  far    by its scan, weak or strong
+    expected = np.array([[20.0, 10.0, 5.0, -9.0], [3000.0, 9.0, 9.0, 9.0], [-1.0, 0.4, -3.0, -3.0]])
+    scanned = np.array(
+        [[20.0, 1.0, 5.0, 9.0], [2700.0, 2650.0, 2000.0, 60.0], [-2.0, 0.4, 1.2, -0.1]]
+    )
+    wanted = [[True, True, False, True], [True, True, False, False], [False, True, True, False]]
+    np.testing.assert_array_equal(worth_fitting(expected, scanned), wanted)
 
 
 @pytest.mark.slow

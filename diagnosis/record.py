@@ -202,7 +202,6 @@ def measured(record: Record, richness: str | None = None) -> Measured:
     power, modes = _folded(record, noise, waves, wave_sd, count)
     C = len(record.conditions)
     scalars, sd = np.zeros((C, 4)), np.full((C, 4), np.inf)
-    mean_sd = np.hypot(noise.pressure_sd, noise.offset_sd)
     for c, condition in enumerate(record.conditions):
         has_pressures = wave_sd.shape[1] > 0 and np.isfinite(wave_sd[c, :2]).all()
         has_flow = wave_sd.shape[1] > 2 and np.isfinite(wave_sd[c, 2])
@@ -212,7 +211,7 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         elif level != "ffr" and not has_pressures:
             for k, value in enumerate((condition.mean_P_aorta, condition.mean_P_distal)):
                 if value is not None:
-                    scalars[c, k], sd[c, k] = value, mean_sd
+                    scalars[c, k], sd[c, k] = value, np.hypot(noise.pressure_sd, noise.offset_sd)
         if condition.mean_Q is not None and "flow" in level and not has_flow:
             scalars[c, 3], sd[c, 3] = condition.mean_Q, flow_sd * max(abs(condition.mean_Q), 0.05)
     if not (np.isfinite(sd).any() or np.isfinite(wave_sd).any()):

@@ -218,13 +218,13 @@ _FIRST_FORMS = (
         "assumed",
     ),
     Effect(
-        id="signal_delay", place="sensor", unit="s", sd=0.02,
+        id="signal_delay", place="sensor", unit="s", sd=0.012,
         tolerance=GUESSED_FORM,
         change=Added("distal_delay"),
         equation="P_distal(t − φ)",
         sentence="the distal trace is shifted in time against the aortic one",
         settled_by="both sensors in one place, or a flush test",
-        source="range ±0.006 to ±0.04, assumed",
+        source="lines and filters delay by 1 to 60 ms; assumed",
     ),
     Effect(
         id="aortic_waveform", place="inlet", unit="mmHg", sd=5.0,

@@ -35,8 +35,8 @@ states the times of the ventricle in parts of the beat too."""
 SQUEEZE_LATENESS = 0.06
 """The same as a time of its own, which the heart rate does not change [s]; assumed."""
 
-RINGING, UNDERDAMPED, MIDDLE, DAMPED = 0.12, 0.22, 0.4, 0.75
-"""Damping ratios of fluid-filled catheters: 0.07 to 0.7."""
+RINGING, UNDERDAMPED, MIDDLE, DAMPED, OVERDAMPED = 0.12, 0.22, 0.4, 0.75, 1.3
+"""Damping ratios of fluid-filled catheters: 0.07 to 0.7, above one with a bubble or a clot."""
 
 STRESS_LEAVES = 0.5
 """Share of a back pressure that vessels dilated under stress keep; assumed."""
@@ -269,6 +269,7 @@ FORMS: dict[str, tuple[Form, ...]] = {
         Form("resonant", "second order, ω₀ = 2ζ/φ, ζ = 0.4", Resonance("aortic", MIDDLE)),
         Form("second order", "second order, ω₀ = 2ζ/φ, ζ = 0.75", Resonance("aortic", DAMPED)),
         Form("ringing", "second order, ω₀ = 2ζ/φ, ζ = 0.12", Resonance("aortic", RINGING)),
+        Form("overdamped", "second order, ω₀ = 2ζ/φ, ζ = 1.3", Resonance("aortic", OVERDAMPED)),
         Form("aligned", "lag φ, beats from the upstroke of the trace",
              Added("aligned_lag")),
         Form("aligned, underdamped", "second order, ζ = 0.22, beats from the upstroke of the trace",

@@ -98,7 +98,7 @@ class Circuit(NamedTuple):
         P_inlet, P_LV: pressures of aorta and ventricle at the samples [dyn/cm²].
         R0, L, K: linear resistance, inertance, quadratic loss of the ostium
             [dyn·s/cm⁵, dyn·s²/cm⁵, dyn·s²/cm⁸].
-        L_layer: inertance whose boundary layers are added to the ostium, see `LAYER_TIME`.
+        L_layer: inertance whose `boundary_layers` the ostium has [dyn·s²/cm⁵].
         K_known: quadratic loss that is known with R0 and scales with it [dyn·s²/cm⁸].
         K_turbulent: loss that grows with the power 1.75 of the flow [dyn·s^1.75/cm^7.25].
         R0_wave: factor on R0 and K_known over the beat, ones without an effect.

@@ -9,9 +9,11 @@ effect sums its probabilities alone, in pairs, and together with an unknown effe
 |---|---|
 | no_gap | P(none) ≥ 0.05: no gap can be demonstrated |
 | named | effects have an inclusion ≥ 0.8, close the gap, and predict what was left out no worse |
-| unknown | P(unknown) ≥ 0.5, or effects would be named but do not close the gap or predict worse;
-            or the beats are not alike (`steadiness`), so that their mean stands for none |
+| unknown | P(unknown) ≥ 0.5, or effects would be named but do not close the gap or predict worse |
 | ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
+
+Nothing is named, and no gap is not stated, where the beats are not alike (`steadiness`): the
+verdict is then unknown, or stays ambiguous.
 
 Closed: the remaining misfit has p > 0.001 or is below 10 % of the base model's excess.
 (The noise is never known exactly: 5 % of its variance is a quarter of what p = 0.001 allows.)

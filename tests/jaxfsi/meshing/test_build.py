@@ -7,7 +7,7 @@ import pytest
 from jaxfsi.anatomy import adult_anatomy, paediatric_anatomy, sample_anatomies, synthetic_anatomy
 from jaxfsi.faces import boundary_of
 from jaxfsi.measures import enclosed_volume
-from jaxfsi.mesh import INTERFACE, Mesh, Region
+from jaxfsi.mesh import Mesh, Region
 from jaxfsi.mesh_checks import check_mesh
 from jaxfsi.meshing import (
     PRESETS,
@@ -18,6 +18,7 @@ from jaxfsi.meshing import (
     elements_across,
 )
 from jaxfsi.meshing.check.section_areas import section_areas
+from tests.jaxfsi.meshing.shared_interface import assert_interface_is_shared
 from tests.jaxfsi.meshing.solid_angles import solid_angles
 
 
@@ -49,14 +50,7 @@ def test_topology_is_that_of_vessels_in_a_wall(result):
 
 
 def test_interface_is_the_same_set_of_triangles_in_blood_and_wall(mesh):
-    def keys(faces: np.ndarray) -> set[tuple[int, ...]]:
-        return set(map(tuple, np.sort(faces, axis=1).tolist()))
-
-    blood, wall = (keys(boundary_of(mesh.tets_of(region))) for region in Region)
-    assert blood & wall == keys(mesh.labelled(INTERFACE))
-    on_interface = np.unique(mesh.labelled(INTERFACE))
-    shared = np.intersect1d(mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID))
-    np.testing.assert_array_equal(shared, on_interface)
+    assert_interface_is_shared(mesh)
 
 
 def test_volumes_of_tetrahedra_and_of_closed_surfaces_agree(mesh, result):

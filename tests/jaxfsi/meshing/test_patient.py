@@ -18,11 +18,12 @@ from jaxfsi.anatomy import (
 )
 from jaxfsi.faces import boundary_of
 from jaxfsi.measures import enclosed_volume
-from jaxfsi.mesh import INTERFACE, Region
+from jaxfsi.mesh import Region
 from jaxfsi.meshing import MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
 from study import demo_case_path, read_case
 from study.run.anatomy_source import case_anatomy
+from tests.jaxfsi.meshing.shared_interface import assert_interface_is_shared
 from tests.jaxfsi.meshing.solid_angles import solid_angles
 
 BUNDLED = demo_case_path().parent
@@ -47,16 +48,7 @@ def patient() -> Meshed:
 
 @pytest.mark.slow
 def test_interface_is_the_same_set_of_triangles_in_blood_and_wall(patient):
-    mesh = patient.result.mesh
-
-    def keys(faces: np.ndarray) -> set[tuple[int, ...]]:
-        return set(map(tuple, np.sort(faces, axis=1).tolist()))
-
-    blood, wall = (keys(boundary_of(mesh.tets_of(region))) for region in Region)
-    assert blood & wall == keys(mesh.labelled(INTERFACE))
-    on_interface = np.unique(mesh.labelled(INTERFACE))
-    shared = np.intersect1d(mesh.tets_of(Region.FLUID), mesh.tets_of(Region.SOLID))
-    np.testing.assert_array_equal(shared, on_interface)
+    assert_interface_is_shared(patient.result.mesh)
 
 
 @pytest.mark.slow

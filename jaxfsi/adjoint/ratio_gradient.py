@@ -158,8 +158,8 @@ def ratio_gradient(
     Args:
         model: the model; its numbers must be concrete.
         state: state at the start.
-        stepper: see `jaxfsi.core.step.stepper.prepare`; the transposed systems are solved to 1e-6
-            and need more iterations (`max_linear`) than a step.
+        stepper: see `jaxfsi.core.step.stepper.prepare`; the transposed systems are solved to a
+            tenth of its tolerance and need more iterations (`max_linear`) than a step.
         reading: where pressures are read.
         n_steps: steps of the run.
         per_cycle: steps of its last cycle, whose means count; None: all.

@@ -11,7 +11,7 @@ percent on the elastic tube, and the product takes half the time. The material's
 evaluated in a product.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -28,6 +28,8 @@ from jaxfsi.core.laws.wedge_solid import WedgeTangent, apply_wedges, wedge_tange
 
 _AXES = range(3)
 
+Moduli = Sequence[Sequence[Float[Array, "9 tets"]]]
+
 
 class WallTangent(NamedTuple):
     """Derivative of the wall's forces about a motion.
@@ -40,7 +42,7 @@ class WallTangent(NamedTuple):
         mass: of the elements, times the weight of the acceleration [g/s].
     """
 
-    moduli: Sequence[Sequence[Float[Array, "9 tets"]]]
+    moduli: Moduli
     gradients: tuple[Tensor, ...]
     stiffness: tuple[Float[Array, " nodes"], ...]
     mass: Float[Array, " tets"]
@@ -197,10 +199,23 @@ def apply_wall(
     if isinstance(tangent, BendingTangent) and isinstance(element, BendingElement):
         forces = apply_wedges(tangent.wedges, v, element.wedges, shape.wedges)
         assert isinstance(tangent.rest, WallTangent)
-        return forces + _apply_tets(tangent.rest, v, element.rest, shape.rest)
+        return forces + _apply_tets(tangent.rest, v, element.rest, shape.rest, _contracted)
     assert isinstance(tangent, WallTangent)
     assert isinstance(element, AbstractWallElement)
-    return _apply_tets(tangent, v, element, shape)
+    return _apply_tets(tangent, v, element, shape, _contracted)
+
+
+def apply_wall_transposed(
+    tangent: WallTangent | BendingTangent,
+    v: Float[Array, "3 nodes"],
+    element: WallElements,
+    shape: WallShape,
+) -> Float[Array, "3 nodes"]:
+    """Product of the transpose of `apply_wall` and v."""
+    if isinstance(tangent, WallTangent) and isinstance(element, AbstractWallElement):
+        return _apply_tets(tangent, v, element, shape, _contracted_transposed)
+    (product,) = jax.linear_transpose(lambda v: apply_wall(tangent, v, element, shape), v)(v)
+    return product
 
 
 def _apply_tets(
@@ -208,16 +223,25 @@ def _apply_tets(
     v: Float[Array, "3 nodes"],
     element: AbstractWallElement,
     shape: Geometry,
+    contracted: Callable[[Moduli, Tensor], Tensor],
 ) -> Float[Array, "3 nodes"]:
     H = element.gradients(v, shape)
-    stress = _contracted(tangent.moduli, H)
+    stress = contracted(tangent.moduli, H)
     for slope, stiffness in zip(tangent.gradients, tangent.stiffness, strict=True):
         q = added(slope[i][j] * H[i][j] for i in _AXES for j in _AXES)
         stress = combined((1.0, stress), (element.spread(q, stiffness, shape), slope))
     return element.forces(fusion_barrier(stress, shape), v, tangent.mass, shape)
 
 
-def _contracted(moduli: Sequence[Sequence[Float[Array, "9 tets"]]], H: Tensor) -> Tensor:
+def _contracted(moduli: Moduli, H: Tensor) -> Tensor:
     """A : H."""
     along = [H[i][j] for i in _AXES for j in _AXES]
     return [[added(A[k] * h for k, h in enumerate(along)) for A in row] for row in moduli]
+
+
+def _contracted_transposed(moduli: Moduli, H: Tensor) -> Tensor:
+    """H : A."""
+    return [
+        [added(moduli[k][m][3 * i + j] * H[k][m] for k in _AXES for m in _AXES) for j in _AXES]
+        for i in _AXES
+    ]

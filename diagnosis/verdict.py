@@ -5,6 +5,16 @@ shared evenly over all kinds of a free forcing. A fraction `BESIDE` of the prior
 pair is for an additional unknown effect, and counts as "unknown". The inclusion probability of an
 effect sums its probabilities alone, in pairs, and together with an unknown effect.
 
+No form of an effect is exactly that of nature: what is left beside a strong effect looks like a
+weak second one. With the lengths λ of their traces in units of noise, λ² = 2 Δ ln Z, and a
+difference of forms that takes a share ε = `FORM_ERROR` of the first length, a second effect is
+such a difference with probability
+
+    exp(−λ₂² / (2 ε² λ₁²)) = exp(−(ln Z_ab − ln Z_a) / (2 ε² (ln Z_a − ln Z_0))),
+
+by which the probability of the pair goes to the effect alone; likewise that of an unknown effect
+beside it.
+
 | verdict | when |
 |---|---|
 | no_gap | P(none) ≥ 0.05: no gap can be demonstrated |
@@ -34,6 +44,11 @@ PRIOR = {"none": 0.20, "single": 0.50, "pair": 0.15, "unknown": 0.15}
 BESIDE = 0.06
 """Probability that an effect outside the catalogue acts together with one of the catalogue: one
 cause in six has a second (pair : single), of which two or three in ten are not in the catalogue."""
+
+FORM_ERROR = 0.15
+"""Difference of an effect's trace from that of its nearest form in the catalogue, as a share of its
+length. In records of other hands, where the remainder looked like a second effect, it was 5 to 25 %
+as long as the first in most cases (docs/benchmarks/foreign.md)."""
 
 NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
 """Thresholds of the verdict, see above."""
@@ -113,8 +128,30 @@ def probabilities_of(
         beside[h] = np.log(prior / values.size) + logsumexp(values)
     total = logsumexp([*logs.values(), *beside.values()])
     parts = {h: float(np.exp(value - total)) for h, value in beside.items()}
-    found = {key_of(h): float(np.exp(value - total)) for h, value in logs.items()}
-    return {**found, "unknown": sum(parts.values())}, parts
+    found = {h: float(np.exp(value - total)) for h, value in logs.items()}
+    gain = {h: value - log_evidence[()] for h, value in log_evidence.items()}
+    for pair in (h for h in gain if len(h) == 2):
+        first = max(((e,) for e in pair), key=lambda h: gain.get(h, -np.inf))
+        moved = found[pair] * form_difference(gain.get(first, 0.0), gain[pair])
+        if moved > 0.0:
+            found[pair], found[first] = found[pair] - moved, found[first] + moved
+    for h in (h for h in parts if len(h) == 1):
+        together = logsumexp(forcing[h]) - np.log(forcing[h].size) - log_evidence[()]
+        moved = parts[h] * form_difference(gain[h], float(together))
+        parts[h], found[h] = parts[h] - moved, found[h] + moved
+    return {**{key_of(h): p for h, p in found.items()}, "unknown": sum(parts.values())}, parts
+
+
+def form_difference(alone: float, together: float) -> float:
+    """Probability that what seems a second effect is a difference of forms of the first, see above.
+
+    Args:
+        alone: ln Z of the first effect above that of no gap.
+        together: ln Z of both above that of no gap.
+    """
+    if alone <= 0.0:
+        return 0.0
+    return float(np.exp(-0.5 * max(together - alone, 0.0) / (FORM_ERROR**2 * alone)))
 
 
 def cover_of(probabilities: Mapping[str, float]) -> tuple[str, ...]:

@@ -3,7 +3,9 @@ import pytest
 
 from diagnosis.verdict import (
     BESIDE,
+    FORM_ERROR,
     PRIOR,
+    form_difference,
     is_closed,
     judge,
     of_unlike_beats,
@@ -19,6 +21,9 @@ def test_probabilities_follow_bayes_rule():
     each, alone = 0.5 * PRIOR["single"], 1.0 - BESIDE
     a, b = each * alone * np.exp(3.0), each * alone
     with_a = each * BESIDE * np.exp(5.0)
+    # a little of what acts beside a is a difference of its forms
+    its_form = with_a * form_difference(3.0, 5.0)
+    a, with_a = a + its_form, with_a - its_form
     weights = {"none": PRIOR["none"], "a": a, "b": b, "unknown": PRIOR["unknown"] + with_a}
     for name, weight in weights.items():
         assert p[name] == pytest.approx(weight / sum(weights.values()), rel=1e-12)
@@ -26,6 +31,26 @@ def test_probabilities_follow_bayes_rule():
     # an effect that acts beside something unknown acts
     judgement = judge(p, ("a", "b"), {(): 50.0, ("a",): 9.0, ("b",): 50.0}, 20, 5, beside)
     assert judgement.inclusion["a"] == pytest.approx(p["a"] + beside[("a",)], rel=1e-12)
+
+
+def test_a_remainder_as_small_as_a_difference_of_forms_is_no_second_effect():
+    forcing = {(): np.zeros(1)}
+
+    def pair(first: float, both: float) -> dict[str, float]:
+        log_Z = {(): 0.0, ("a",): first, ("b",): 1.0, ("b", "a"): both}
+        return probabilities_of(log_Z, forcing, 2)[0]
+
+    # as long as ε of the first: e^(-1/2) of the pair's probability is the effect's own
+    rest = FORM_ERROR**2 * 800.0
+    p = pair(800.0, 800.0 + rest)
+    prior = {"a": 0.5 * PRIOR["single"], "b+a": PRIOR["pair"] * np.exp(rest)}
+    alone = prior["b+a"] / sum(prior.values())
+    assert p["b+a"] == pytest.approx(alone * (1.0 - np.exp(-0.5)), rel=1e-9)
+    assert sum(p.values()) == pytest.approx(1.0, rel=1e-12)
+    # a remainder half as long as the first is a second effect
+    assert pair(80.0, 100.0)["b+a"] > 0.99
+    # where no effect acts alone, there is nothing to which a remainder could belong
+    assert pair(-1.0, 20.0)["b+a"] > 0.99
 
 
 def test_closure_needs_a_good_fit_or_little_excess():

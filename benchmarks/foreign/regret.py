@@ -36,18 +36,3 @@ def log_regret(pairs: list[tuple[Row, Row]]) -> tuple[float, float, float]:
     means = each[rng.integers(each.size, size=(DRAWS, each.size))].mean(axis=1)
     low, high = np.percentile(means, INTERVAL)
     return float(each.mean()), float(low), float(high)
-
-
-def gap_closed(pairs: list[tuple[Row, Row]]) -> float | None:
-    """Median share of the held-out gap that the method closes over that the oracle closes.
-
-    Args:
-        pairs: rows of the method and of the oracle; those without held-out errors do not count.
-    """
-    key, found = "held_out_rms_mmHg", []
-    for own, oracle in pairs:
-        if key in own and key in oracle:
-            one, best = (1.0 - row[key][1] / row[key][0] for row in (own, oracle))
-            if best > 0.0:
-                found.append(one / best)
-    return float(np.median(found)) if found else None

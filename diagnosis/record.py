@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from diagnosis.aliasing import aliased_power
 from diagnosis.measured import (
     OFFSET_SD,
     SENSORS,
@@ -323,6 +324,9 @@ def _folded(
         if noise.origin == "estimated":
             shared = np.asarray(noise_power(TRANSDUCER_SD, count[c, present[0]], TRANSDUCER_WHITE))
             power[c, [s for s in present if SENSORS[s] != "Q"]] += shared
+        if folding is None:
+            for s, name in zip(present, names, strict=True):
+                power[c, s] += aliased_power(condition.beats[name].mean(axis=0), power[c, s])
         modes[c, present, :, : found.modes.shape[-1]] = found.modes
     # scalars are not used where traces are
     modes = np.concatenate(

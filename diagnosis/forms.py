@@ -276,8 +276,6 @@ FORMS: dict[str, tuple[Form, ...]] = {
              Resonance("aligned", UNDERDAMPED)),
         Form("aligned, resonant", "second order, ζ = 0.4, beats from the upstroke of the trace",
              Resonance("aligned", MIDDLE)),
-        Form("aligned, overdamped", "second order, ζ = 1.3, beats from the upstroke of the trace",
-             Resonance("aligned", OVERDAMPED)),
     ),
     "distal_damping": (
         Form("underdamped", "second order, ω₀ = 2ζ/φ, ζ = 0.22", Resonance("distal", UNDERDAMPED)),

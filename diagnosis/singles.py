@@ -28,7 +28,7 @@ from diagnosis.scan import Scan
 NEAR = 12.0
 """ln B below that of the best effect down to which further forms are fitted."""
 
-LINEAR = 0.4
+LINEAR = 0.2
 """The same as a share of the best scan: of a strong effect a scan, which is linear in the size, is
 off by a part of itself."""
 

@@ -1,5 +1,7 @@
 """Products of a step against the derivative of its equations; the transposed preconditioner."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -41,7 +43,12 @@ INLETS = {"pressure": PressurePort(Constant(1e4)), "flow": FlowPort(Constant(5.0
 
 
 def _model(inlet, material, damping=0.0, wall_element="linear"):
-    mesh = tube(radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1)
+    mesh = tube(
+        radius=0.5, length=1.0, thickness=0.1, n_around=8, n_axial=4, n_layers=1,
+        columns=wall_element == "bending",
+    )  # fmt: skip
+    # half of the wall: the other half has tetrahedra, as where columns fail
+    mesh = dataclasses.replace(mesh, wedges=mesh.wedges[: len(mesh.wedges) // 2])
     wall = Wall(material, rho_s=1.1, damping=damping, support_stiffness=1e5, support_damping=30.0)
     blood = Blood(viscosity=CarreauYasuda())
     ports = {"inlet": inlet, "outlet": BLOCK}
@@ -216,28 +223,36 @@ def test_transposed_preconditioner_is_the_transpose(kind):
     assert forward == pytest.approx(backward, rel=1e-9)
 
 
+@eqx.filter_jit
+def _there_and_back(model, state, v, w, motion):
+    """⟨w, A v⟩ and ⟨Aᵀ w, v⟩ with the tangent A of a state."""
+    step = begin_step(jnp.asarray(DT), model, state, METHOD, motion)
+    tangent = step_tangent(Unknowns(state.u, state.p), model, step, METHOD)
+    there = apply_elements(tangent, v, model, step, METHOD)
+    back = apply_elements_transposed(tangent, w, model, step, METHOD)
+    return (
+        jnp.sum(w.u * there.u) + jnp.sum(w.p * there.p),
+        jnp.sum(back.u * v.u) + jnp.sum(back.p * v.p),
+    )
+
+
 @pytest.mark.parametrize(
-    "kind", ["linear", "bending", pytest.param("quadratic", marks=pytest.mark.slow), "rigid", "dry"]
+    "kind",
+    ["linear", *(pytest.param(k, marks=pytest.mark.slow) for k in ("bending", "quadratic"))],
 )
 def test_transposed_product_is_the_transpose(kind):
     model = _part(kind)
     state = _random_state(model, d_wall=1e-4)
-    motion = mesh_motion(model) if model.moves_mesh else None
-    step = begin_step(jnp.asarray(DT), model, state, METHOD, motion)
-    tangent = step_tangent(Unknowns(state.u, state.p), model, step, METHOD)
     rng = np.random.default_rng(5)
 
     def pair() -> Unknowns:
         u, p = rng.standard_normal(model.x.shape), rng.standard_normal(model.n_nodes)
         return Unknowns(jnp.asarray(u), 100.0 * jnp.asarray(p))
 
-    v, w = pair(), pair()
-    there = apply_elements(tangent, v, model, step, METHOD)
-    back = apply_elements_transposed(tangent, w, model, step, METHOD)
-    forward = float(jnp.sum(w.u * there.u) + jnp.sum(w.p * there.p))
-    backward = float(jnp.sum(back.u * v.u) + jnp.sum(back.p * v.p))
+    motion = mesh_motion(model) if model.moves_mesh else None
+    forward, backward = _there_and_back(model, state, pair(), pair(), motion)
     # entries of either sign cancel in the sums to about a thousandth
-    assert forward == pytest.approx(backward, rel=1e-10)
+    assert float(forward) == pytest.approx(float(backward), rel=1e-10)
 
 
 def test_single_precision_changes_the_preconditioner_by_its_round_off():

@@ -28,6 +28,7 @@ import numpy as np
 from jax.scipy.special import log_ndtr
 from jaxtyping import Array, Float, Int
 
+from diagnosis.effects import NEAR_ZERO
 from diagnosis.measured import correlation
 from lumped.elimination import schur_complement, solve_with_log_det
 
@@ -74,6 +75,14 @@ def log_moment(
     far = 2.0 * variance / jnp.minimum(z, -6.0) ** 2
     half = jnp.where(z > -6.0, variance * jnp.maximum(near**2 + 1.0 + near * hazard, 1e-3), far)
     return jnp.log(jnp.where(one_sided > 0.5, half, mean**2 + variance))
+
+
+def log_size_factor(
+    mean: Float[Array, "*k"], variance: Float[Array, "*k"], one_sided: Float[Array, "*k"]
+) -> Float[Array, "*k"]:
+    """Ln of the factor (1 − w) E[φ²]/s² + w of sizes φ/s with a normal posterior, see `effects`."""
+    moment = log_moment(mean, variance, one_sided)
+    return jnp.logaddexp(np.log(1.0 - NEAR_ZERO) + moment, np.log(NEAR_ZERO))
 
 
 def smooth_scale(length: float, n_harmonics: int) -> np.ndarray:
@@ -158,7 +167,7 @@ def posterior_of_products(
 def log_prior_of_sizes(
     after: Posterior, pair: Int[Array, " 2"], sided: Float[Array, " k"]
 ) -> Float[Array, ""]:
-    """Ln of the factors E[φ²]/s² of a hypothesis's sizes, see `effects`."""
+    """Ln of the factors of a hypothesis's sizes, see `effects`."""
     variance = jnp.diagonal(after.covariance)
-    moments = log_moment(after.mean[-2:], variance[-2:], sided[-2:])
-    return jnp.sum(jnp.where(pair >= 0, moments, 0.0))
+    factors = log_size_factor(after.mean[-2:], variance[-2:], sided[-2:])
+    return jnp.sum(jnp.where(pair >= 0, factors, 0.0))

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from diagnosis.circuit import SensorSpectra
 from diagnosis.effects import Effect
-from diagnosis.evidence import Whitened, log_moment
+from diagnosis.evidence import Whitened, log_size_factor
 from diagnosis.form_columns import Freedom
 from diagnosis.hypothesis import (
     Catalogue,
@@ -170,6 +170,6 @@ def scan_about(
 
 
 def _of_sizes(mean: Array, variance: Array, one_sided: Array) -> Array:
-    """Ln of the factor E[size²], and of the half above zero, of sizes."""
+    """Ln of the factor of the prior, and of the half above zero, of sizes."""
     half = one_sided * (jnp.log(2.0) + log_ndtr(mean / jnp.sqrt(variance)))
-    return half + log_moment(mean, variance, one_sided)
+    return half + log_size_factor(mean, variance, one_sided)

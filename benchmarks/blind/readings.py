@@ -6,7 +6,7 @@ A sensor of `READINGS` reads the size of one or two effects with an error σ. Th
 
 A hypothesis h that leaves the size at N(m, s²) (m = s = 0 without the effect) predicts it with the
 density N(r; m, s² + σ²), so that p(h | r) ∝ p(h) Π N(r; m, s² + σ²) (Bayes). Where the prior of a
-size vanishes at zero, as that of the catalogue does (φ² N(φ; 0, ·), see `diagnosis.effects`), the
+size vanishes at zero, as the main part of the catalogue's does (`diagnosis.effects`), the
 density is
 
     N(r; m, s² + σ²) E[φ² | r]/E[φ²],    φ | r ~ N((m σ² + r s²)/(s² + σ²), s² σ²/(s² + σ²)),

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis import CATALOGUE, diagnose, find_effect, measured, stacked
 from diagnosis.cohort import pool
-from diagnosis.evidence import Whitened, log_moment, posterior
+from diagnosis.evidence import Whitened, log_size_factor, posterior
 from diagnosis.hypothesis import numbers_of, uncertain_signals
 from diagnosis.measured import whitener_of
 from diagnosis.next_measurement import (
@@ -169,7 +169,7 @@ def test_score_scan_agrees_with_the_exact_linear_evidence(found):
         sided = jnp.zeros(J.shape[-1] + n).at[-n:].set(numbers.one_sided[jnp.array(added)])
         joined = Whitened(e, jnp.concatenate([J, G[..., added]], axis=-1))
         after = posterior(joined, None, sided)
-        moments = log_moment(after.mean[-n:], jnp.diagonal(after.covariance)[-n:], sided[-n:])
+        moments = log_size_factor(after.mean[-n:], jnp.diagonal(after.covariance)[-n:], sided[-n:])
         exact = after.log_evidence - alone + jnp.sum(moments)
         given = scan.log_B[added[0]] if n == 1 else scan.pair_log_B[added[0], added[1]]
         # the same linear-Gaussian integral done in two ways

@@ -2,7 +2,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from diagnosis.evidence import Whitened, log_moment, posterior
+from diagnosis.effects import NEAR_ZERO
+from diagnosis.evidence import Whitened, log_moment, log_size_factor, posterior
 
 
 @pytest.mark.parametrize("mean", [-12.0, -3.0, -0.2, 0.0, 2.5])
@@ -14,6 +15,13 @@ def test_moment_of_a_one_sided_size_matches_quadrature(mean):
     # step of the quadrature; far below zero the leading term of the series
     assert float(found[0]) == pytest.approx(exact, abs=0.1 if mean < -6.0 else 1e-4)
     assert float(found[1]) == pytest.approx(np.log(mean**2 + 1.0), rel=1e-12, abs=1e-12)
+
+
+def test_factor_of_a_size_has_both_parts_of_its_prior():
+    mean, variance = jnp.array([0.0, 2.0]), jnp.array([1e-4, 0.3])
+    found = np.exp(np.asarray(log_size_factor(mean, variance, jnp.zeros(2))))
+    np.testing.assert_allclose(found, 0.7 * np.array([1e-4, 4.3]) + 0.3, rtol=1e-12)
+    assert NEAR_ZERO == 0.3
 
 
 def test_evidence_with_columns_matches_the_dense_gaussian():

@@ -11,7 +11,7 @@ from benchmarks.foreign import layered
 from benchmarks.foreign.plain import in_batches
 from diagnosis import diagnose, measured
 from diagnosis.catalogue import CATALOGUE
-from diagnosis.evidence import Whitened, log_moment
+from diagnosis.evidence import Whitened, log_size_factor
 from diagnosis.form_columns import KINDS, Freedom
 from diagnosis.hypothesis import Catalogue, numbers_of, of_kind, uncertain_signals
 from diagnosis.measured import Whitener, whitener_of
@@ -122,7 +122,7 @@ def test_a_scan_beside_a_freedom_gives_the_exact_evidence_of_what_it_adds():
         n, at = len(added), jnp.array(added)
         sided = jnp.zeros(K + n).at[-n:].set(numbers.one_sided[at])
         after = posterior(FREEDOM, Whitened(e, jnp.concatenate([J, G[..., at]], axis=-1)), sided)
-        moments = log_moment(after.mean[-n:], jnp.diagonal(after.covariance)[-n:], sided[-n:])
+        moments = log_size_factor(after.mean[-n:], jnp.diagonal(after.covariance)[-n:], sided[-n:])
         exact = after.log_evidence - alone + jnp.sum(moments)
         assert float(given) == pytest.approx(float(exact), rel=1e-8, abs=1e-8)
 

@@ -250,12 +250,12 @@ def _assembled(
         every[pair if pair in fits or pair[::-1] not in fits else pair[::-1]] = value
     record = jax.tree.map(lambda leaf: leaf[b], batch)
     unknown = {named(h): value for h, value in forced.items()}
-    probabilities, beside = probabilities_of(every, unknown, E)
+    settled = [effect.id for effect in effects if not effect.forms]
+    probabilities, beside = probabilities_of(every, unknown, E, settled)
     misfit = {h: float(f.misfit) for h, f in fits.items() if bool(f.sound)}
     judgement = judge(probabilities, causes.names, misfit, n_data, n_unknowns(record), beside)
     none = every[()]
-    first = [int(causes.forms(c)[0]) for c in range(E)]
-    lengths = np.asarray(scan.length)[first]
+    lengths = np.asarray(scan.length)[[int(causes.forms(c)[0]) for c in range(E)]]
     return Diagnosis(
         record=record,
         effects=effects,

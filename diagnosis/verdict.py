@@ -13,7 +13,8 @@ such a difference with probability
     exp(−λ₂² / (2 ε² λ₁²)) = exp(−(ln Z_ab − ln Z_a) / (2 ε² (ln Z_a − ln Z_0))),
 
 by which the probability of the pair goes to the effect alone; likewise that of an unknown effect
-beside it.
+beside it. Effects whose equation is settled (no further form: a constant offset) have no such
+difference.
 
 | verdict | when |
 |---|---|
@@ -32,7 +33,7 @@ gap, by more than 5 where that of the fitted ones, each left out in turn, rises;
 conditions, that of the fitted ones falls (`predictive`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -103,6 +104,7 @@ def probabilities_of(
     log_evidence: Mapping[Hypothesis, float],
     forcing: Mapping[Hypothesis, np.ndarray],
     n_effects: int,
+    settled: Collection[str] = (),
 ) -> tuple[dict[str, float], dict[Hypothesis, float]]:
     """Posterior probabilities; hypotheses that are not given have probability zero.
 
@@ -110,6 +112,7 @@ def probabilities_of(
         log_evidence: ln Z of none, singles and pairs.
         forcing: ln Z of every kind of free forcing beside some of these.
         n_effects: number of effects in the catalogue.
+        settled: effects whose equation has no other form.
 
     Returns:
         Probabilities of all hypotheses by name, with "unknown" as one; and the parts of "unknown"
@@ -133,9 +136,9 @@ def probabilities_of(
     for pair in (h for h in gain if len(h) == 2):
         first = max(((e,) for e in pair), key=lambda h: gain.get(h, -np.inf))
         moved = found[pair] * form_difference(gain.get(first, 0.0), gain[pair])
-        if moved > 0.0:
+        if moved > 0.0 and first[0] not in settled:
             found[pair], found[first] = found[pair] - moved, found[first] + moved
-    for h in (h for h in parts if len(h) == 1):
+    for h in (h for h in parts if len(h) == 1 and h[0] not in settled):
         together = logsumexp(forcing[h]) - np.log(forcing[h].size) - log_evidence[()]
         moved = parts[h] * form_difference(gain[h], float(together))
         parts[h], found[h] = parts[h] - moved, found[h] + moved

@@ -36,9 +36,9 @@ def test_probabilities_follow_bayes_rule():
 def test_a_remainder_as_small_as_a_difference_of_forms_is_no_second_effect():
     forcing = {(): np.zeros(1)}
 
-    def pair(first: float, both: float) -> dict[str, float]:
+    def pair(first: float, both: float, settled: tuple[str, ...] = ()) -> dict[str, float]:
         log_Z = {(): 0.0, ("a",): first, ("b",): 1.0, ("b", "a"): both}
-        return probabilities_of(log_Z, forcing, 2)[0]
+        return probabilities_of(log_Z, forcing, 2, settled)[0]
 
     # as long as ε of the first: e^(-1/2) of the pair's probability is the effect's own
     rest = FORM_ERROR**2 * 800.0
@@ -47,6 +47,8 @@ def test_a_remainder_as_small_as_a_difference_of_forms_is_no_second_effect():
     alone = prior["b+a"] / sum(prior.values())
     assert p["b+a"] == pytest.approx(alone * (1.0 - np.exp(-0.5)), rel=1e-9)
     assert sum(p.values()) == pytest.approx(1.0, rel=1e-12)
+    # an effect whose equation is settled has no other form
+    assert pair(800.0, 800.0 + rest, settled=("a",))["b+a"] == pytest.approx(alone, rel=1e-9)
     # a remainder half as long as the first is a second effect
     assert pair(80.0, 100.0)["b+a"] > 0.99
     # where no effect acts alone, there is nothing to which a remainder could belong

@@ -29,7 +29,7 @@ CAUSES = (
     {"quadratic_loss": 6.0},
     {"signal_delay": 0.02},
     {},
-    {"sensor_height": -5.0, "intramyocardial_pump": 0.4},
+    {"sensor_height": -5.0, "intramyocardial_pump": 0.7},
     {"distal_damping": 0.02},
 )
 

@@ -9,9 +9,9 @@ is integrated over the prior::
 
     Z = ∫ Z(x) p(x) dx,     p(x) = 2 ((1 − w) x² + w) N(x; 0, 1)
 
-with ln Z(x) between the sizes by a cubic spline. At size zero it is that of the base model. With w
-= 0, in a record with a loss of 5.6 mmHg s²/mL², ln B is −1.64 (by 16 384 draws from the prior −1.71
-± 0.08), where the Laplace approximation gives −7.21.
+with ln Z(x) between the sizes by a cubic spline. At size zero it is that of the base model. In a
+record with a loss of 5.6 mmHg s²/mL², and w = 0, ln B is −1.64 (by 16 384 draws from the prior
+−1.71 ± 0.08), where the Laplace approximation gives −7.21.
 
 Source: integrated nested Laplace approximations, Rue, Martino & Chopin 2009 (J R Stat Soc B
 71:319).

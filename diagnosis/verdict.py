@@ -49,7 +49,7 @@ cause in six has a second (pair : single), of which two or three in ten are not 
 FORM_ERROR = 0.15
 """Difference of an effect's trace from that of its nearest form in the catalogue, as a share of its
 length. In records of other hands, where the remainder looked like a second effect, it was 5 to 25 %
-as long as the first in most cases (docs/benchmarks/foreign.md)."""
+as long as the first in most cases (docs/theory/diagnosis.md)."""
 
 NO_GAP, NAMED, UNKNOWN, COVER = 0.05, 0.8, 0.5, 0.9
 """Thresholds of the verdict, see above."""

@@ -27,11 +27,12 @@ def noise_floor(folder: pathlib.Path, record: str) -> float | None:
         folder: a set, see `benchmarks.foreign.make`.
         record: its name.
     """
-    place, squares = folder / "records" / record, []
-    if not (folder / "truth" / f"{record}.npz").is_file():
+    place, known = folder / "records" / record, folder / "truth" / f"{record}.npz"
+    if not known.is_file():
         return None
+    squares = []
     stated = tomllib.loads((place / "record.toml").read_text(encoding="utf-8"))["condition"]
-    with np.load(folder / "truth" / f"{record}.npz") as truth:
+    with np.load(known) as truth:
         for name, condition in stated.items():
             if not condition.get("held_out") or f"{name}/with/P_distal" not in truth:
                 continue

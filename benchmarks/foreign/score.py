@@ -56,7 +56,7 @@ def joined(folder: pathlib.Path, name: str) -> list[Row]:
         if family != "assumed" and truth != WAVEFORM:
             answer = _without(answer, WAVEFORM)
         row = {**answer, "record": record, "truth": truth, "lambda": lam, "label": label}
-        if answer["verdict"] == "named" and "held_out_rms_mmHg" in answer:
+        if answer["verdict"] == "named":
             row["closed"] = share_closed(answer, noise_floor(folder, record))
         rows.append(row)
     return rows
@@ -124,7 +124,6 @@ def score(rows: list[Row]) -> dict[str, str]:
         for r in named
         if "held_out_rms_mmHg" in r
     ]
-
     allowed = [r["closed"] for r in named if r.get("closed") is not None]
 
     def first(some: list[Row]) -> str:

@@ -218,9 +218,9 @@ def apply_elements_transposed(
 ) -> Unknowns:
     """Product of the transposed linearised step and v, by elements.
 
-    Written out, since the transpose that JAX derives takes three times as long as the product::
-
-        (Aᵀ)_ab = A_ba,   upwind ↔ strong residual,   mean → −mean,   reaction_ij → reaction_ji
+    Written out, since the transpose that JAX derives takes three times as long as the product. A_ab
+    becomes A_ba, the reaction's matrix is transposed, and G and D change places: upwinding with the
+    strong residual, and the mean with its sign.
     """
     blood, tets, n, shape = tangent.blood, model.fluid_tets, model.n_nodes, step.fluid_shape
     grad = shape.grad

@@ -26,9 +26,7 @@ from jaxtyping import PyTree
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.effects import Effect, all_forms
 from diagnosis.hypothesis import Catalogue
-
-QUICK_TO_COMPILE = {"xla_cpu_use_fusion_emitters": False}
-"""Options of XLA for programs of this size: a third less time to compile, the same to run."""
+from lumped.device import QUICK_TO_COMPILE
 
 SUFFIX = "-program"
 """End of the name of a traced program on disk."""

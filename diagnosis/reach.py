@@ -36,9 +36,9 @@ from diagnosis.hypothesis import (
 )
 from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import SHARED, n_unknowns, selection
-from diagnosis.programs import QUICK_TO_COMPILE
 from diagnosis.result import Diagnosis
 from diagnosis.verdict import CLOSED_P, Hypothesis, is_closed
+from lumped.device import QUICK_TO_COMPILE
 
 RESISTANCE = "proximal_resistance"
 """The effect that changes the artery's loss."""

@@ -15,10 +15,10 @@ pressure. Derivatives never run through cycles: periodic states are solutions of
 differentiated as such.
 """
 
-import equinox as eqx
 import jax
 import numpy as np
 
+from lumped.device import quick_jit
 from lumped.network import Network
 from lumped.parameters import Parameter, is_traced, real
 from lumped.periodic_linear import Propagator
@@ -75,7 +75,7 @@ def solve_periodic(
     return solution
 
 
-@eqx.filter_jit
+@quick_jit
 def _solve(solver: AbstractPeriodicSolver, network: Network, period: Parameter) -> PeriodicSolution:
     return solver(network, period)
 

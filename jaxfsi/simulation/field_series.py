@@ -22,7 +22,6 @@ in single precision: the files are half as large.
 
 import pathlib
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,6 +36,7 @@ from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear
 from jaxfsi.fields.wall_stress import wall_stress
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.simulation.observer import AbstractObserver, ObserverState
+from lumped.device import quick_jit
 from lumped.units import MMHG
 
 _VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))
@@ -120,7 +120,7 @@ def frame_fields(model: Model, state: State, patches: WallPatches | None) -> tup
     return points, cells
 
 
-@eqx.filter_jit
+@quick_jit
 def _fields(model: Model, state: State, patches: WallPatches | None):
     displacement = jnp.where(model.in_solid, state.d, state.d_mesh)
     points = {

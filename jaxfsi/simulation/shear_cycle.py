@@ -15,7 +15,6 @@ import math
 import pathlib
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -27,6 +26,7 @@ from jaxfsi.fields.wall_shear import WallPatches, wall_patches, wall_shear
 from jaxfsi.measures import triangle_areas
 from jaxfsi.mesh import Mesh
 from jaxfsi.simulation.observer import AbstractObserver, ObserverState
+from lumped.device import quick_jit
 
 
 class ShearMeans(NamedTuple):
@@ -164,7 +164,7 @@ class ShearCycle(AbstractObserver):
         return True
 
 
-@eqx.filter_jit
+@quick_jit
 def _shear(model: Model, state: State, patches: WallPatches) -> Float[Array, "3 wall"]:
     displacement = jnp.where(model.in_solid, state.d, state.d_mesh)
     return wall_shear(state.u, model.x + displacement, model.blood, patches)

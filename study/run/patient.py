@@ -3,7 +3,6 @@
 import dataclasses
 import math
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -23,6 +22,7 @@ from lumped import (
     sampled,
     stress_rule,
 )
+from lumped.device import quick_jit
 from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.laws import LINEAR, QUADRATIC
@@ -166,7 +166,7 @@ def _aortic_radius(anatomy: IvusAnatomy) -> float | None:
         return radius_at_ostium(line, read_sized_line(anatomy.aorta_centerline), ostium_end=end)
 
 
-@eqx.filter_jit
+@quick_jit
 def _shape(lumen: Lumen, **blood: float) -> tuple[Lumen, Array, Calipers, LumenLosses]:
     return lumen, lumen.area, lumen.calipers, lumen_losses(lumen, **blood)
 

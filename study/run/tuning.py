@@ -26,6 +26,7 @@ from lumped import (
     Surrogate,
     raise_unless_successful,
 )
+from lumped.device import quick_jit
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
 from study.run.patient import Patient, ReducedModel, load_patient, ratio_error
@@ -35,8 +36,8 @@ from study.run.reduced_results import Calibration, RatioCurve, Tuning
 CURVE_POINTS = 21
 
 
-_respond = eqx.filter_jit(ratio_response)
-_bisect = eqx.filter_jit(functools.partial(bisect_alpha, throw=False))
+_respond = quick_jit(ratio_response)
+_bisect = quick_jit(functools.partial(bisect_alpha, throw=False))
 
 
 def calibrate_case(case: Case, *, progress: Progress | None = None) -> tuple[Patient, Tuning]:

@@ -47,7 +47,11 @@ def euclidean_norm(v: Vector) -> Float[Array, ""]:
 
 
 class _Arnoldi(NamedTuple):
+    """Basis so far; at k = −1 the multiple of a guess is yet to be found."""
+
     k: Int[Array, ""]
+    share: Float[Array, ""]
+    norm: Float[Array, ""]
     basis: Float[Array, "rows n"]
     directions: Float[Array, "m n"]
     hessenberg: Float[Array, "rows m"]
@@ -102,8 +106,9 @@ def fgmres(
     *,
     tolerance: Float[Array, ""] | float,
     max_iterations: int,
+    along: Vector | None = None,
 ) -> KrylovSolution:
-    """Solve operator(x) = b from x = 0.
+    """Solve operator(x) = b.
 
     Args:
         operator: linear.
@@ -111,6 +116,7 @@ def fgmres(
         preconditioner: approximate inverse of the operator.
         tolerance: the norm of the residual at which to stop.
         max_iterations: at most so many iterations.
+        along: from which multiple of it to start, the one that leaves least; None starts from 0.
     """
     norm = euclidean_norm(b)
     m = max_iterations
@@ -119,20 +125,39 @@ def fgmres(
         return (s.k < m) & (s.residual > tolerance)
 
     def extend(s: _Arnoldi) -> _Arnoldi:
-        z = preconditioner(s.basis[s.k])
-        w, h = _orthogonal(operator(z), s.basis, s.k + 1)
+        # The guess shares the loop, so that the operator is compiled once.
+        begins, k = s.k < 0, jnp.maximum(s.k, 0)
+        if along is None:
+            z = preconditioner(s.basis[k])
+        else:
+            z = jax.lax.cond(begins, lambda: along, lambda: preconditioner(s.basis[k]))
+        image = operator(z)
+        w, h = _orthogonal(image, s.basis, s.k + 1)
+        square = jnp.vdot(image, image)
+        share = jnp.vdot(image, b) / jnp.where(square > 0.0, square, 1.0)
+        w = jnp.where(begins, b - share * image, w)
         rest = euclidean_norm(w)
         basis = s.basis.at[s.k + 1].set(jnp.where(rest > 0.0, w / rest, 0.0))
-        hessenberg = s.hessenberg.at[:, s.k].set(h.at[s.k + 1].set(rest))
+        h = h.at[s.k + 1].set(rest)
         normal = (rest * s.normal).at[s.k + 1].set(-jnp.vdot(s.normal, h))
-        normal = normal / euclidean_norm(normal)
-        directions = s.directions.at[s.k].set(z)
-        residual = norm * jnp.abs(normal[0])
-        return _Arnoldi(s.k + 1, basis, directions, hessenberg, normal, residual)
+        normal = jnp.where(begins, s.normal, normal / euclidean_norm(normal))
+        norm = jnp.where(begins, rest, s.norm)
+        return _Arnoldi(
+            s.k + 1,
+            jnp.where(begins, share, s.share),
+            norm,
+            basis,
+            s.directions.at[k].set(z),
+            s.hessenberg.at[:, k].set(jnp.where(begins, 0.0, h)),
+            normal,
+            norm * jnp.abs(normal[0]),
+        )
 
     n = b.shape[0]
     start = _Arnoldi(
-        jnp.zeros((), int),
+        jnp.zeros((), int) - (0 if along is None else 1),
+        jnp.zeros((), b.dtype),
+        norm,
         jnp.zeros((m + 1, n), b.dtype).at[0].set(jnp.where(norm > 0.0, b / norm, 0.0)),
         jnp.zeros((m, n), b.dtype),
         jnp.zeros((m + 1, m), b.dtype),
@@ -140,5 +165,7 @@ def fgmres(
         norm,
     )
     end = jax.lax.while_loop(proceed, extend, start)
-    y, residual = _least_squares(end.hessenberg, end.k, norm)
-    return KrylovSolution(_combination(y, end.directions, end.k), end.k, residual)
+    n_iterations = jnp.maximum(end.k, 0)
+    y, residual = _least_squares(end.hessenberg, n_iterations, end.norm)
+    x = _combination(y, end.directions, n_iterations)
+    return KrylovSolution(x if along is None else x + end.share * along, n_iterations, residual)

@@ -314,18 +314,14 @@ def _grouped(level: list[_Dense], batch_cost: int) -> list[list[_Dense]]:
 def _batch(fronts: list[_Dense], n_unknowns: int, dtype: type) -> Batch:
     n_own, n_above = (max(len(x) for x in xs) for xs in zip(*(f[:2] for f in fronts), strict=True))
     n = len(fronts)
-    own, above = np.full((n, n_own), n_unknowns), np.full((n, n_above), n_unknowns)
+    own, above = (np.full((n, width), n_unknowns, np.int32) for width in (n_own, n_above))
     inverse, coupling = np.zeros((n, n_own, n_own), dtype), np.zeros((n, n_above, n_own), dtype)
     for k, f in enumerate(fronts):
         own[k, : len(f.own)], above[k, : len(f.above)] = f.own, f.above
         inverse[k, : len(f.own), : len(f.own)] = f.inverse
         coupling[k, : len(f.above), : len(f.own)] = f.coupling
-    return Batch(
-        jnp.asarray(own, jnp.int32),
-        jnp.asarray(above, jnp.int32),
-        jnp.asarray(inverse),
-        jnp.asarray(coupling),
-    )
+    # `jnp.asarray` would compile a program for each of the many shapes
+    return Batch(*map(jax.device_put, (own, above, inverse, coupling)))
 
 
 def nested_solve(factor: NestedFactor, b: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:

@@ -111,7 +111,7 @@ class _Scaling(NamedTuple):
             r: right-hand side.
             tolerance: relative.
             max_iterations: of GMRES.
-            along: where the solution is sought first: the multiple of it that leaves least.
+            along: see `fgmres`.
         """
         weight = self.weight.astype(jnp.float32)
         n_u = 3 * (weight.size // 4)
@@ -125,22 +125,15 @@ class _Scaling(NamedTuple):
 
         b = weight * (r / scale).astype(jnp.float32)
         goal = jnp.asarray(tolerance, jnp.float32) * euclidean_norm(b)
-        near = None
-        if along is not None:
-            near = (along / scale).astype(jnp.float32)
-            image = weight * product(near)
-            square = jnp.vdot(image, image)
-            share = jnp.vdot(image, b) / jnp.where(square > 0.0, square, 1.0)
-            b, near = b - share * image, share * near
         found = fgmres(
             lambda v: weight * product(v),
             b,
             approximate,
             tolerance=goal,
             max_iterations=max_iterations,
+            along=None if along is None else (along / scale).astype(jnp.float32),
         )
-        x = found.x if near is None else found.x + near
-        return x.astype(r.dtype) * scale, found.n_iterations
+        return found.x.astype(r.dtype) * scale, found.n_iterations
 
 
 def single(tree):

@@ -69,6 +69,7 @@ from jaxfsi.core.solve.wall_factor import (
 )
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model
+from lumped.device import quick_jit
 
 SMOOTH = 1.6
 """Lumped masses of the blood in S beside the diagonal of A, which holds 0.4 of one."""
@@ -97,6 +98,9 @@ class MidEdgeGradient(NamedTuple):
     def flux(self, u: Float[Array, "3 nodes"]) -> Float[Array, " nodes"]:
         """The transpose of `load`."""
         return -self.weight * mid_edge_flux(u, self.x, self.interface)
+
+
+_load, _flux = quick_jit(MidEdgeGradient.load), quick_jit(MidEdgeGradient.flux)
 
 
 class Preconditioner(eqx.Module):
@@ -262,7 +266,7 @@ def _wall_response(
     ones = np.ones(len(interface))
     push = -np.stack([G @ ones for G in blocks.G])
     if mid_edge is not None:
-        push = push - np.asarray(mid_edge.load(jnp.asarray(ones)))
+        push = push - np.asarray(_load(mid_edge, jnp.asarray(ones)))
     velocity = np.zeros_like(push)
     if wall.smoother is None:
         solved = nested_solve_once(wall.direct, push[:, nodes].T.ravel())
@@ -271,11 +275,12 @@ def _wall_response(
         velocity = np.asarray(_yielding(wall, jnp.asarray(push, wall.smoother.free.dtype)), float)
     response = sum(D @ v for D, v in zip(blocks.D, velocity, strict=True))
     if mid_edge is not None:
-        response = response - np.asarray(mid_edge.flux(jnp.asarray(velocity)))
+        flux = _flux(mid_edge, jnp.asarray(velocity))
+        response = response - np.asarray(flux)
     return np.where(interface, np.maximum(response, 0.0), 0.0)
 
 
-@eqx.filter_jit
+@quick_jit
 def _yielding(wall: WallFactor, push: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
     """Velocity of a wall at rest under a force, with its whole tangent."""
     free = wall_free(wall)

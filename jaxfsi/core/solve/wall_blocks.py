@@ -30,11 +30,12 @@ from jaxfsi.core.elements.assembly import (
 from jaxfsi.core.elements.bending import BendingElement, BendingPrestress
 from jaxfsi.core.elements.quadratic import EDGES, FAR, NEAR, QuadraticElement
 from jaxfsi.core.elements.wall import AbstractWallElement, Weights
-from jaxfsi.core.elements.wedge import wedge_geometry
-from jaxfsi.core.laws.materials import LOCAL_LAME_RATIO
+from jaxfsi.core.elements.wedge import WedgeElement, WedgePrestress, wedge_geometry
+from jaxfsi.core.laws.materials import LOCAL_LAME_RATIO, LinearElastic
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.wedge_solid import element_matrices, wedge_tangent
 from jaxfsi.core.step.model import Model
+from lumped.device import quick_jit
 
 _COARSE = 0.4
 """Part of λ beyond 2G that acts in linear elements where the true one acts on averages: they lock,
@@ -99,17 +100,32 @@ def vertex_block(model: Model, weights: Weights) -> sp.csr_matrix:
     if not isinstance(model.element, BendingElement):
         return tets
     assert model.wall is not None
-    element, rest = model.element, jnp.zeros_like(model.x)
-    shape = wedge_geometry(model.x, element.wedges)
+    element, wall = model.element, model.element.in_wedges(model.wall)
+    wall = eqx.tree_at(lambda w: w.material, wall, LinearElastic.of_moduli(*wall.material.moduli))
+    S = model.prestress and model.prestress.of_wedges
+    if S is None:
+        n = element.wedges.n
+        S = WedgePrestress(jnp.zeros((3, 3, 2, n)), jnp.zeros((3, n)))
     weights = Weights(*(jnp.asarray(w, float) for w in weights))
-    wall, S = element.in_wedges(model.wall), model.prestress and model.prestress.of_wedges
-    tangent = eqx.filter_jit(wedge_tangent)(rest, rest, weights, wall, element.wedges, shape, S)
-    values = np.asarray(eqx.filter_jit(element_matrices)(tangent))
+    values = np.asarray(_wedge_matrices(model.x, weights, wall, element.wedges, S))
     nodes = np.asarray(element.wedges.nodes).T
     unknowns = (3 * nodes[:, :, None] + np.arange(3)).reshape(-1, 18)
     rows, columns = np.repeat(unknowns, 18, axis=1), np.tile(unknowns, (1, 18))
     size = (3 * model.n_nodes,) * 2
     return (tets + sp.csr_matrix((values.ravel(), (rows.ravel(), columns.ravel())), size)).tocsr()
+
+
+@quick_jit
+def _wedge_matrices(
+    x: Float[Array, "3 nodes"],
+    weights: Weights,
+    wall: Wall,
+    wedges: WedgeElement,
+    prestress: WedgePrestress,
+) -> Float[Array, "wedges 18 18"]:
+    """Matrix of each wedge at rest, where every material is one of Hooke's."""
+    rest, shape = jnp.zeros_like(x), wedge_geometry(x, wedges)
+    return element_matrices(wedge_tangent(rest, rest, weights, wall, wedges, shape, prestress))
 
 
 def _tet_vertices(model: Model, weights: Weights) -> sp.csr_matrix:

@@ -50,6 +50,7 @@ from jaxfsi.core.solve.wall_tangent import (
     wall_tangent,
 )
 from jaxfsi.core.step.model import Model
+from lumped.device import quick_jit
 
 Field = Float[Array, "3 nodes"]
 
@@ -63,6 +64,8 @@ _MARGIN = 1.1
 
 _MOST_FACTORED = 15_000
 """Free nodes of a wall that bends, mid-edge modes among them, that are factored as a whole."""
+
+_wall_tangent = quick_jit(wall_tangent)
 
 
 class Remainder(eqx.Module):
@@ -163,7 +166,7 @@ def _smoother(A_vertices: sp.csr_matrix, model: Model, weights: Weights) -> Smoo
     inverse[held] = 0.0
     assert model.wall is not None
     rest = jnp.zeros_like(model.x)
-    tangent = eqx.filter_jit(wall_tangent)(
+    tangent = _wall_tangent(
         rest,
         rest,
         Weights(*(jnp.asarray(w, float) for w in weights)),

@@ -30,6 +30,7 @@ from jaxfsi.core.solve.wall_factor import WallFactor, wall_factor, wall_solve, w
 from jaxfsi.core.solve.wall_tangent import apply_wall, wall_tangent
 from jaxfsi.core.statics.loads import NO_WALL, Field, Loads, load_forces
 from jaxfsi.core.step.model import Model
+from lumped.device import quick_jit
 from lumped.parameters import is_traced
 
 STATIC = Weights(0.0, 0.0, 1.0)
@@ -37,6 +38,9 @@ STATIC = Weights(0.0, 0.0, 1.0)
 
 REDUCTION, DERIVATIVE = 1e-5, 1e-10
 """To what part of its right-hand side a system of Newton's method and of derivatives is solved."""
+
+
+_tissue_force = quick_jit(tissue_force)
 
 
 class RESULTS(eqx.Enumeration):
@@ -81,7 +85,7 @@ def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
         raise ValueError(NO_WALL)
     A = vertex_block(model, STATIC).tolil()
     everywhere = jnp.zeros_like(model.x).at[:, : model.n_vertices].set(1.0)
-    support = tissue_force(model.wall.support_stiffness * everywhere, model)
+    support = _tissue_force(model.wall.support_stiffness * everywhere, model)
     A.setdiag(A.diagonal() + np.asarray(support).T.ravel())
     return wall_factor(sp.csr_matrix(A), model, STATIC, dtype=dtype)
 
@@ -185,7 +189,7 @@ def small_equilibrium(
     return _checked(end, throw)
 
 
-@eqx.filter_jit
+@quick_jit
 def _small_equilibrium(model, force, factor, options) -> Equilibrium:
     tolerance, max_starts, max_linear = options
     factor = jax.lax.stop_gradient(factor)
@@ -201,28 +205,30 @@ def _small_equilibrium(model, force, factor, options) -> Equilibrium:
         return jnp.where(free, stiffness(v), flat.reshape(3, -1)).reshape(-1)
 
     def solve(matvec, b):
-        goal = tolerance * jnp.linalg.norm(b)
+        goal = 0.9 * tolerance * jnp.linalg.norm(b)
 
         def proceed(s):
-            _, left, k, _ = s
-            return (jnp.linalg.norm(left) > goal) & (k < max_starts)
+            _, k, _, last = s
+            return (last > 0) & (k < max_starts)
 
         def correct(s):
-            x, left, k, n = s
+            start, k, n, _ = s
             found = fgmres(
                 matvec,
-                left,
+                b,
                 _inverse(wall_solve, factor, free),
-                tolerance=jnp.maximum(0.3 * goal, REDUCTION * jnp.linalg.norm(left)),
+                tolerance=goal,
                 max_iterations=max_linear,
+                along=start.x,
             )
-            x = x + found.x
-            return x, b - matvec(x), k + 1, n + found.n_iterations
+            return found, k + 1, n + found.n_iterations, found.n_iterations
 
-        none = jnp.zeros((), int)
-        x, left, k, n = jax.lax.while_loop(proceed, correct, (jnp.zeros_like(b), b, none, none))
-        report = k.astype(float), n.astype(float), jnp.linalg.norm(left)
-        return x, jnp.stack(report)
+        # A start evaluates what is left, and the last one finds that nothing is to be done.
+        none, one = jnp.zeros((), int), jnp.ones((), int)
+        begun = KrylovSolution(jnp.zeros_like(b), none, jnp.linalg.norm(b))
+        end, k, n, _ = jax.lax.while_loop(proceed, correct, (begun, none, none, one))
+        report = k.astype(float), n.astype(float), end.residual
+        return end.x, jnp.stack(report)
 
     flat, report = jax.lax.custom_linear_solve(product, b, solve, symmetric=True, has_aux=True)
     n_starts, n_gmres, residual = jax.lax.stop_gradient(report)

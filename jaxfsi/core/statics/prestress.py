@@ -15,7 +15,7 @@ four fifths of the displacement of its slowest mode are left from pass to pass.
 Source: Hsu & Bazilevs 2011, Blood vessel tissue prestress modeling for vascular FSI, section 3.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,8 +25,11 @@ from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.wall_balance import second_stress, wall_geometry
 from jaxfsi.core.solve.wall_factor import WallFactor
 from jaxfsi.core.statics.equilibrium import RESULTS, small_equilibrium
-from jaxfsi.core.statics.loads import Loads, load_forces
+from jaxfsi.core.statics.loads import Field, Loads, load_forces
 from jaxfsi.core.step.model import Model
+from lumped.device import quick_jit
+
+_load_forces = quick_jit(load_forces)
 
 
 class Prestress(NamedTuple):
@@ -41,6 +44,13 @@ class Prestress(NamedTuple):
     model: Model
     e: Float[Array, "3 nodes"]
     result: RESULTS
+
+
+@quick_jit
+def _stress(d: Field, model: Model) -> Any:
+    assert model.wall is not None
+    shape = wall_geometry(model.x, model.element)
+    return second_stress(d, model.wall.material, model.element, shape)
 
 
 def prestressed(
@@ -74,8 +84,8 @@ def prestressed(
         (hooke, 0.0, None),
         is_leaf=lambda leaf: leaf is None,
     )
-    force = load_forces(loads, jnp.zeros_like(model.x), model)
+    force = _load_forces(loads, jnp.zeros_like(model.x), model)
     found = small_equilibrium(small, force, factor, tolerance=tolerance, throw=throw)
-    S = second_stress(found.d, hooke, model.element, wall_geometry(model.x, model.element))
+    S = _stress(found.d, small)
     carried = eqx.tree_at(lambda m: m.prestress, model, S, is_leaf=lambda leaf: leaf is None)
     return Prestress(carried, found.d, found.result)

@@ -107,3 +107,35 @@ def test_batch_equals_loop():
     np.testing.assert_allclose(
         jax.vmap(scaled)(scales), jnp.stack([scaled(s) for s in scales]), rtol=1e-9, atol=1e-11
     )
+
+
+@pytest.mark.parametrize("length", [0.0, 0.3])
+def test_a_guess_is_taken_at_its_best_length_and_what_is_left_is_solved(length):
+    A, b = _system()
+    exact = jnp.linalg.solve(A, b)
+    guess = length * (exact + 0.1 * jnp.ones(N))
+    image = A @ guess
+    share = float(image @ b) / max(float(image @ image), 1e-300)
+    rest = solve(A, b - share * image, tolerance=1e-8)
+    found = jax.jit(
+        lambda guess: fgmres(
+            lambda v: A @ v, b, lambda v: v, tolerance=1e-8, max_iterations=N, along=guess
+        )
+    )(guess)
+    assert int(found.n_iterations) == int(rest.n_iterations)
+    assert np.allclose(found.x, share * guess + rest.x, rtol=0.0, atol=1e-12)
+    assert float(jnp.linalg.norm(b - A @ found.x)) == pytest.approx(float(found.residual), rel=1e-5)
+
+
+def test_an_exact_guess_needs_no_iteration():
+    A, b = _system()
+    found = fgmres(
+        lambda v: A @ v,
+        b,
+        lambda v: v,
+        tolerance=1e-10,
+        max_iterations=N,
+        along=-3.0 * jnp.linalg.solve(A, b),
+    )
+    assert int(found.n_iterations) == 0
+    assert np.allclose(A @ found.x, b, atol=1e-12)

@@ -22,7 +22,6 @@
 from collections.abc import Mapping, Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.special import logsumexp
 
@@ -69,6 +68,9 @@ from diagnosis.verdict import (
     probabilities_of,
     unconfirmed,
 )
+from lumped.device import quick_jit
+
+_weights = quick_jit(jax.vmap(weights))
 
 ACCOMPANIED = 2
 """Number of likeliest hypotheses to which a free forcing is added."""
@@ -158,7 +160,7 @@ def _diagnosed(
         for b in range(B)
     ]
     forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)
-    counts = np.asarray(jnp.sum(jax.vmap(weights)(batch) > 0.0, axis=(1, 2)))
+    counts = np.sum(np.asarray(_weights(batch)) > 0.0, axis=(1, 2))
     drafts = [
         _assembled(
             batch, effects, forms, b, base, single, pairs[b], row_of(scan, b), forced[b],

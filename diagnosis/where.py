@@ -17,6 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
 from diagnosis.catalogue import CATALOGUE
@@ -31,6 +32,9 @@ from diagnosis.resolution import HARMONICS
 from diagnosis.result import Diagnosis
 from diagnosis.spectra import PHASE, TO_SAMPLES
 from diagnosis.verdict import Hypothesis
+from lumped.device import quick_jit
+
+_weights = quick_jit(weights)
 
 PHASES = {
     "early systole": (0.0, 0.2),
@@ -125,7 +129,7 @@ def misfit_map(
             it the draws of noise are fitted as the data were.
         seed: of the draws.
     """
-    W = np.asarray(weights(record))
+    W = np.asarray(_weights(record))
     groups = _functionals(W)
 
     def z_of(values: np.ndarray) -> np.ndarray:
@@ -178,8 +182,13 @@ def rest_map(record: Measured) -> Map | None:
     """
     if not np.any((np.asarray(record.stress) == 0.0) & (np.asarray(record.held_out) == 0.0)):
         return None
-    shown = data_of_waves(jnp.asarray(fit_at_rest(record).waves), record.n_sensors)
-    return misfit_map(record, np.asarray(whitener_of(record)(data_of(record) - shown)))
+    waves = jnp.asarray(fit_at_rest(record).waves)
+    return misfit_map(record, np.asarray(_whitened_misfit(record, waves)))
+
+
+@quick_jit
+def _whitened_misfit(record: Measured, waves: Float[Array, "c 3 n"]) -> Float[Array, "c d"]:
+    return whitener_of(record)(data_of(record) - data_of_waves(waves, record.n_sensors))
 
 
 def forcing_shares(diagnosis: Diagnosis, beside: Hypothesis = ()) -> dict[str, float]:

@@ -47,7 +47,18 @@ def euclidean_norm(v: Vector) -> Float[Array, ""]:
 
 
 class _Arnoldi(NamedTuple):
-    """Basis so far; at k = −1 the multiple of a guess is yet to be found."""
+    """Basis so far.
+
+    Attributes:
+        k: iterations done; −1 while the multiple of a guess is yet to be found.
+        share: that multiple.
+        norm: of the residual from which the basis begins.
+        basis: orthonormal rows.
+        directions: rows whose combination is the solution.
+        hessenberg: products of the operator with the directions, in the basis.
+        normal: ν.
+        residual: norm of what is left.
+    """
 
     k: Int[Array, ""]
     share: Float[Array, ""]

@@ -40,7 +40,7 @@ from diagnosis.engine import (
 )
 from diagnosis.fit import Fitted
 from diagnosis.hypothesis import Catalogue, numbers_of
-from diagnosis.measured import Measured, weights
+from diagnosis.measured import Measured, compiled_weights
 from diagnosis.own_inlet import inlet_freed, needs_own_inlet, with_own_inlet
 from diagnosis.pairs import (
     WORTH_PAIRING,
@@ -68,9 +68,6 @@ from diagnosis.verdict import (
     probabilities_of,
     unconfirmed,
 )
-from lumped.device import quick_jit
-
-_weights = quick_jit(jax.vmap(weights))
 
 ACCOMPANIED = 2
 """Number of likeliest hypotheses to which a free forcing is added."""
@@ -160,7 +157,7 @@ def _diagnosed(
         for b in range(B)
     ]
     forced = _forcings(batch, base, single, pairs, causes, numbers, forms, progress)
-    counts = np.sum(np.asarray(_weights(batch)) > 0.0, axis=(1, 2))
+    counts = np.sum(np.asarray(jax.vmap(compiled_weights)(batch)) > 0.0, axis=(1, 2))
     drafts = [
         _assembled(
             batch, effects, forms, b, base, single, pairs[b], row_of(scan, b), forced[b],

@@ -32,6 +32,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from diagnosis.resolution import HARMONICS, SAMPLES
 from diagnosis.spectra import FROM_SAMPLES, PHASE
+from lumped.device import quick_jit
 from lumped.elimination import solve_definite, square_root
 from lumped.units import MMHG
 
@@ -176,6 +177,10 @@ def weights(measured: Measured) -> Float[Array, "c d"]:
     known = jnp.isfinite(measured.scalar_sd) & (allowed > 0.5)
     scalars = jnp.where(known, 1.0 / jnp.where(known, measured.scalar_sd, 1.0), 0.0)
     return jnp.concatenate([waves, scalars], axis=1)
+
+
+compiled_weights = quick_jit(weights)
+"""`weights`, for use outside of other programs."""
 
 
 class Whitener(NamedTuple):

@@ -26,7 +26,7 @@ from diagnosis.inlet import (
     with_inlet,
     with_inlet_mean,
 )
-from diagnosis.measured import Measured, weights
+from diagnosis.measured import Measured, compiled_weights
 from diagnosis.prediction import SQUEEZE_SD
 from diagnosis.resolution import HARMONICS
 from diagnosis.result import Diagnosis
@@ -58,7 +58,7 @@ def needs_own_inlet(diagnosis: Diagnosis) -> bool:
 def aortic_trace_misfits(diagnosis: Diagnosis) -> bool:
     """Whether the aortic traces are unlikely under the best hypothesis, by χ²."""
     count = 2 * HARMONICS + 1
-    seen = np.asarray(weights(diagnosis.record))[:, :count] > 0.0
+    seen = np.asarray(compiled_weights(diagnosis.record))[:, :count] > 0.0
     residual = np.asarray(diagnosis.best.residual)[:, :count]
     return float(chdtrc(np.count_nonzero(seen), np.sum(residual[seen] ** 2))) < CLOSED_P
 

@@ -26,15 +26,13 @@ from diagnosis.effects import PLACES, all_forms
 from diagnosis.engine import base_start, linearised_base, run_fits
 from diagnosis.fit import Fitted
 from diagnosis.hypothesis import numbers_of
-from diagnosis.measured import SENSORS, Measured, data_of, weights, whitener_of
+from diagnosis.measured import SENSORS, Measured, compiled_weights, data_of, whitener_of
 from diagnosis.prediction import data_of_waves
 from diagnosis.resolution import HARMONICS
 from diagnosis.result import Diagnosis
 from diagnosis.spectra import PHASE, TO_SAMPLES
 from diagnosis.verdict import Hypothesis
 from lumped.device import quick_jit
-
-_weights = quick_jit(weights)
 
 PHASES = {
     "early systole": (0.0, 0.2),
@@ -129,7 +127,7 @@ def misfit_map(
             it the draws of noise are fitted as the data were.
         seed: of the draws.
     """
-    W = np.asarray(_weights(record))
+    W = np.asarray(compiled_weights(record))
     groups = _functionals(W)
 
     def z_of(values: np.ndarray) -> np.ndarray:

@@ -127,15 +127,17 @@ def test_a_scan_beside_a_freedom_gives_the_exact_evidence_of_what_it_adds():
         assert float(given) == pytest.approx(float(exact), rel=1e-8, abs=1e-8)
 
 
+_ALARM = pytest.mark.xfail(reason="two of nine such beds are an alarm", strict=True)
+
+
 @pytest.mark.slow
-def test_a_bed_of_three_layers_is_hardly_ever_a_gap(tmp_path):
-    for number in (18, 26, 53):
-        record = layered.draw(70, number)
-        assert record.truth["truth"] == "none"
-        record.write(tmp_path / f"{number}")
-    found = [d for _, _, batch in in_batches(sorted(tmp_path.iterdir())) for d in diagnose(batch)]
-    verdicts = [d.judgement.verdict for d in found]  # two of nine are an alarm, docs/benchmarks
-    assert verdicts.count("no_gap") >= 2
-    assert "named" not in verdicts
-    for d in found:  # and the record tells that its bed is another one
-        assert float(d.base.kinds[-1]) > 0.9
+@pytest.mark.parametrize("number", [pytest.param(18, marks=_ALARM), 26, 53])
+def test_a_bed_of_three_layers_is_no_gap(number, tmp_path):
+    record = layered.draw(70, number)
+    assert record.truth["truth"] == "none"
+    record.write(tmp_path / "record")
+    ((_, _, batch),) = in_batches([tmp_path / "record"])
+    (found,) = diagnose(batch)
+    # the record tells that its bed is another one
+    assert float(found.base.kinds[-1]) > 0.9
+    assert found.judgement.verdict == "no_gap"

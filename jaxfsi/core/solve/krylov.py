@@ -135,6 +135,14 @@ def fgmres(
     def proceed(s: _Arnoldi):
         return (s.k < m) & (s.residual > tolerance)
 
+    def beginning(s: _Arnoldi, image: Vector) -> tuple[Array, Vector, Array]:
+        square = jnp.vdot(image, image)
+        share = jnp.vdot(image, b) / jnp.where(square > 0.0, square, 1.0)
+        return share, b - share * image, jnp.zeros_like(s.normal)
+
+    def further(s: _Arnoldi, image: Vector) -> tuple[Array, Vector, Array]:
+        return s.share, *_orthogonal(image, s.basis, s.k + 1)
+
     def extend(s: _Arnoldi) -> _Arnoldi:
         # The guess shares the loop, so that the operator is compiled once.
         begins, k = s.k < 0, jnp.maximum(s.k, 0)
@@ -143,10 +151,10 @@ def fgmres(
         else:
             z = jax.lax.cond(begins, lambda: along, lambda: preconditioner(s.basis[k]))
         image = operator(z)
-        w, h = _orthogonal(image, s.basis, s.k + 1)
-        square = jnp.vdot(image, image)
-        share = jnp.vdot(image, b) / jnp.where(square > 0.0, square, 1.0)
-        w = jnp.where(begins, b - share * image, w)
+        if along is None:
+            share, w, h = further(s, image)
+        else:
+            share, w, h = jax.lax.cond(begins, beginning, further, s, image)
         rest = euclidean_norm(w)
         basis = s.basis.at[s.k + 1].set(jnp.where(rest > 0.0, w / rest, 0.0))
         h = h.at[s.k + 1].set(rest)
@@ -155,7 +163,7 @@ def fgmres(
         norm = jnp.where(begins, rest, s.norm)
         return _Arnoldi(
             s.k + 1,
-            jnp.where(begins, share, s.share),
+            share,
             norm,
             basis,
             s.directions.at[k].set(z),

@@ -103,7 +103,7 @@ def vertex_block(model: Model, weights: Weights) -> sp.csr_matrix:
     element, wall = model.element, model.element.in_wedges(model.wall)
     wall = eqx.tree_at(lambda w: w.material, wall, LinearElastic.of_moduli(*wall.material.moduli))
     S = model.prestress and model.prestress.of_wedges
-    if S is None:
+    if S is None:  # zeros, so that one program serves with and without
         n = element.wedges.n
         S = WedgePrestress(jnp.zeros((3, 3, 2, n)), jnp.zeros((3, n)))
     weights = Weights(*(jnp.asarray(w, float) for w in weights))

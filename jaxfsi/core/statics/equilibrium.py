@@ -223,7 +223,8 @@ def _small_equilibrium(model, force, factor, options) -> Equilibrium:
             )
             return found, k + 1, n + found.n_iterations, found.n_iterations
 
-        # A start evaluates what is left, and the last one finds that nothing is to be done.
+        # A start evaluates what is left, and the last one finds that nothing is to be done; a part
+        # of the tolerance is for the round-off between the two.
         none, one = jnp.zeros((), int), jnp.ones((), int)
         begun = KrylovSolution(jnp.zeros_like(b), none, jnp.linalg.norm(b))
         end, k, n, _ = jax.lax.while_loop(proceed, correct, (begun, none, none, one))

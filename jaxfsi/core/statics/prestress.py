@@ -15,12 +15,13 @@ four fifths of the displacement of its slowest mode are left from pass to pass.
 Source: Hsu & Bazilevs 2011, Blood vessel tissue prestress modeling for vascular FSI, section 3.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxfsi.core.elements.bending import BendingPrestress
 from jaxfsi.core.laws.materials import LinearElastic
 from jaxfsi.core.laws.wall_balance import second_stress, wall_geometry
 from jaxfsi.core.solve.wall_factor import WallFactor
@@ -47,7 +48,7 @@ class Prestress(NamedTuple):
 
 
 @quick_jit
-def _stress(d: Field, model: Model) -> Any:
+def _stress(d: Field, model: Model) -> Float[Array, "3 3 points tets"] | BendingPrestress:
     assert model.wall is not None
     shape = wall_geometry(model.x, model.element)
     return second_stress(d, model.wall.material, model.element, shape)

@@ -110,6 +110,21 @@ def _least_squares(
     return y, euclidean_norm(remainder)
 
 
+def _started(b: Vector, norm: Float[Array, ""], m: int, *, guessed: bool) -> _Arnoldi:
+    """Before the first iteration, or before the multiple of a guess is found."""
+    n = b.shape[0]
+    return _Arnoldi(
+        jnp.zeros((), int) - int(guessed),
+        jnp.zeros((), b.dtype),
+        norm,
+        jnp.zeros((m + 1, n), b.dtype).at[0].set(jnp.where(norm > 0.0, b / norm, 0.0)),
+        jnp.zeros((m, n), b.dtype),
+        jnp.zeros((m + 1, m), b.dtype),
+        jnp.zeros(m + 1, b.dtype).at[0].set(1.0),
+        norm,
+    )
+
+
 def fgmres(
     operator: Callable[[Vector], Vector],
     b: Vector,
@@ -130,10 +145,9 @@ def fgmres(
         along: from which multiple of it to start, the one that leaves least; None starts from 0.
     """
     norm = euclidean_norm(b)
-    m = max_iterations
 
     def proceed(s: _Arnoldi):
-        return (s.k < m) & (s.residual > tolerance)
+        return (s.k < max_iterations) & (s.residual > tolerance)
 
     def beginning(s: _Arnoldi, image: Vector) -> tuple[Array, Vector, Array]:
         square = jnp.vdot(image, image)
@@ -172,17 +186,7 @@ def fgmres(
             norm * jnp.abs(normal[0]),
         )
 
-    n = b.shape[0]
-    start = _Arnoldi(
-        jnp.zeros((), int) - (0 if along is None else 1),
-        jnp.zeros((), b.dtype),
-        norm,
-        jnp.zeros((m + 1, n), b.dtype).at[0].set(jnp.where(norm > 0.0, b / norm, 0.0)),
-        jnp.zeros((m, n), b.dtype),
-        jnp.zeros((m + 1, m), b.dtype),
-        jnp.zeros(m + 1, b.dtype).at[0].set(1.0),
-        norm,
-    )
+    start = _started(b, norm, max_iterations, guessed=along is not None)
     end = jax.lax.while_loop(proceed, extend, start)
     n_iterations = jnp.maximum(end.k, 0)
     y, residual = _least_squares(end.hessenberg, n_iterations, end.norm)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from jaxfsi.core.ports.plug import PlugPort
     from jaxfsi.core.ports.port import AbstractPort, AbstractTractionPort, AbstractVelocityPort
     from jaxfsi.core.ports.pressure import PressurePort
+    from jaxfsi.core.ports.ramped import RampedPort
     from jaxfsi.core.ports.velocity import AbstractVelocity, VelocityPort
     from jaxfsi.core.statics.equilibrium import Equilibrium, equilibrium, static_factor
     from jaxfsi.core.statics.loads import Loads, PressureLoad, pressure_load
@@ -62,6 +63,7 @@ __all__ = [
     "PressureLoad",
     "PressurePort",
     "Prestress",
+    "RampedPort",
     "ResistanceInertancePort",
     "SaintVenantKirchhoff",
     "State",

@@ -6,6 +6,7 @@ file of `jaxfsi.meshing.native` and imports nothing of this package, which keeps
 """
 
 import concurrent.futures
+import contextlib
 import json
 import pathlib
 import signal
@@ -13,7 +14,7 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -104,10 +105,22 @@ def run_isolated(call: NativeCall) -> Arrays:
 
 def run_all_isolated(calls: Sequence[NativeCall]) -> list[Arrays]:
     """Run several native meshers side by side; the results keep the order of the calls."""
-    with concurrent.futures.ThreadPoolExecutor(max_workers=max(len(calls), 1)) as pool:
+    with threads_of_children(len(calls)) as pool:
+        return list(pool.map(run_isolated, calls))
+
+
+@contextlib.contextmanager
+def threads_of_children(n: int) -> Iterator[concurrent.futures.ThreadPoolExecutor]:
+    """Threads that call `run_isolated`; where the block is interrupted, their children are ended.
+
+    Args:
+        n: children at once.
+    """
+    with concurrent.futures.ThreadPoolExecutor(max_workers=max(n, 1)) as pool:
         try:
-            return list(pool.map(run_isolated, calls))
+            yield pool
         except KeyboardInterrupt:  # else the threads would wait for the children to end
+            pool.shutdown(wait=False, cancel_futures=True)
             for process in list(_RUNNING):
                 process.kill()
             raise

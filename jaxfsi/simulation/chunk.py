@@ -105,11 +105,6 @@ def advance_chunk(
     return jax.lax.while_loop(proceed, advance, start)
 
 
-def compile_chunk(model: Model, state: State, stepper: Stepper, size: int) -> None:
-    """Compile what `simulate` calls for such a model, without a step; safe in a second thread."""
-    advance_chunk(model, state, stepper, jnp.asarray(0), jnp.asarray(jnp.inf, float), size)
-
-
 def _change(before: State, after: State) -> Float[Array, ""]:
     def size(u):
         return jnp.sqrt(jnp.mean(u[0] ** 2 + u[1] ** 2 + u[2] ** 2))

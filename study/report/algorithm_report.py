@@ -1,12 +1,14 @@
 """Pictures, document and page of a study, drawn and written into its folder."""
 
 import pathlib
-from typing import Any
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxfsi.adjoint.lumen_shape import lumen_surface
 from jaxfsi.fields import read_series
+from jaxfsi.meshing.isolate import threads_of_children
 from jaxfsi.simulation.cycles import Inlet
 from study.report.algorithm_results import study_document
 from study.report.pictures import Drawn, embedded_pictures, film_text, write_study_pictures
@@ -23,6 +25,9 @@ from study.store.stored_document import to_json
 
 Document = dict[str, Any]
 
+_RENDERERS = 2
+"""Processes that draw at once: each takes one core and about 300 MB."""
+
 
 def write_study(
     result: StudyResult, provenance: Provenance, progress: Progress
@@ -38,14 +43,16 @@ def write_study(
         The document and the paths written.
     """
     progress.step("drawing")
-    drawn, films = _drawn(result)
+    with threads_of_children(_RENDERERS) as pool:
+        drawing = _drawing(result, pool)
+        vessel = study_vessel(result)
+        drawn, films = _drawn(drawing)
     progress.step("writing the report")
     document = as_json(
         study_document(result, drawn, list(films), provenance.took(progress.spent()))
     )
     pictures = {name: embedded_pictures(part.pictures) for name, part in drawn.items()}
     texts = {n: film_text(c) for n, c in films.items()}
-    vessel = study_vessel(result)
     page = study_report(document, pictures, texts, vessel_name(vessel, "study"))
     shown = {**vessel_files(vessel, "study"), STUDY_PAGE: page}
     files = {**shown, STUDY_FILE: to_json(document)}
@@ -55,10 +62,17 @@ def write_study(
     return document, written
 
 
-def _drawn(result: StudyResult) -> tuple[dict[str, Drawn], dict[str, bytes]]:
+class _Drawing(NamedTuple):
+    """Pictures of a run that processes of their own are drawing."""
+
+    simulation: Future[tuple[dict[str, bytes], list[float], str | None]]
+    lumen: Future[dict[str, bytes]] | None
+    film: Future[bytes | None] | None
+
+
+def _drawing(result: StudyResult, pool: ThreadPoolExecutor) -> dict[str, _Drawing]:
     """Pictures of the calibrated runs; an animation of the last one under stress."""
-    drawn: dict[str, Drawn] = {}
-    films: dict[str, bytes] = {}
+    drawing: dict[str, _Drawing] = {}
     shown = result.calibrated
     moving = [run for run in shown if not run.is_rest][-1:] or shown[-1:]
     for run in shown:
@@ -67,14 +81,28 @@ def _drawn(result: StudyResult) -> tuple[dict[str, Drawn], dict[str, bytes]]:
         if not read_series(series):
             continue
         scene = (series, result.mesh, result.anatomy, inlet, run.period_s)
-        drawn[run.id] = Drawn(*draw_simulation(*scene))
+        lumen = None
         if run.id in result.sensitivities:
             values = result.sensitivities[run.id].lumen * 1e-3  # per mm³
             surface = lumen_surface(result.mesh)
-            lumen = draw_lumen(result.mesh, result.anatomy, surface, values)
-            drawn[run.id].pictures.update(lumen)
-        if run in moving and drawn[run.id].pictures:
-            film = draw_film(*scene)
-            if film is not None:
-                films[run.id] = film
+            lumen = pool.submit(draw_lumen, result.mesh, result.anatomy, surface, values)
+        drawing[run.id] = _Drawing(
+            pool.submit(draw_simulation, *scene),
+            lumen,
+            pool.submit(draw_film, *scene) if run in moving else None,
+        )
+    return drawing
+
+
+def _drawn(drawing: dict[str, _Drawing]) -> tuple[dict[str, Drawn], dict[str, bytes]]:
+    """The pictures and animations by run, once they are drawn."""
+    drawn: dict[str, Drawn] = {}
+    films: dict[str, bytes] = {}
+    for name, of_run in drawing.items():
+        drawn[name] = Drawn(*of_run.simulation.result())
+        if of_run.lumen is not None:
+            drawn[name].pictures.update(of_run.lumen.result())
+        film = None if of_run.film is None else of_run.film.result()
+        if film is not None:
+            films[name] = film
     return drawn, films

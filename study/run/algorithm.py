@@ -12,6 +12,7 @@ Every step is a stage that is kept (`study.store.stages`): the same call goes on
 Source: Puelz et al. 2024, algorithm 1; step 3 is ours.
 """
 
+import contextlib
 import pathlib
 from collections.abc import Sequence
 from typing import Any
@@ -52,7 +53,7 @@ from study.run.study_context import check_study, open_context, with_curve
 from study.run.study_parts import MeshErrorPart, MotionPart, Sensitivity
 from study.run.study_result import StudyResult
 from study.store.json_form import as_json, from_json
-from study.store.result_files import FIELD_FOLDER
+from study.store.result_files import FIELD_FOLDER, STAGE_FOLDER
 from study.store.result_names import CURVE, LOOP, NOMINAL, PAPER, RAMP
 from study.store.stages import stage_key
 
@@ -79,9 +80,11 @@ def run_study(
     check_study(case, choice)
     progress = progress or Progress()
     progress.plan(study_steps(case, choice))
-    context, anatomy = open_context(case, folder, choice.run, progress)
-    progress.step(RAMP)
-    record = ramp_record(context, choice.ramp, compiled_ahead(context))
+    begun = any((folder / STAGE_FOLDER).glob(f"{RAMP}.*"))
+    with contextlib.nullcontext() if begun else compiled_ahead(case):
+        context, anatomy = open_context(case, folder, choice.run, progress)
+        progress.step(RAMP)
+        record = ramp_record(context, choice.ramp)
     dt = ramp_plan(context, choice.ramp).dt
     losses = ramp_losses(context, ramp_key(context, choice.ramp), dt)
     ramp = fitted(record, choice.ramp, losses)
@@ -130,8 +133,7 @@ def study_steps(case: Case, choice: StudyChoice) -> dict[str, float]:
         return 5.0 + steps * _SECONDS_A_STEP
 
     ramp = choice.ramp.drop / choice.ramp.rate / dt * 1.5 * _SECONDS_A_STEP
-    # what follows the ramp is compiled beside it
-    plan = {**planned_steps(case, states_of(case)[:1]), RAMP: 2.0 * _COMPILE + ramp}
+    plan = {**planned_steps(case, states_of(case)[:1]), RAMP: 1.5 * _COMPILE + ramp}
     plan["calibrating in 0D"] = 10.0
     if choice.mesh_error:
         plan[SECOND_RAMP] = plan[RAMP]

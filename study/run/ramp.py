@@ -7,26 +7,23 @@ aorta. What it gives is fitted by `calibration.ramp`.
 Source: Puelz et al. 2024, section 2.4: 60 mmHg, 37.5 mmHg/s, slope at 40 mmHg.
 """
 
-import contextlib
 import dataclasses
 import math
 
 import numpy as np
 
 from calibration import RampRecord
-from jaxfsi.core.ports.port import AbstractPort
-from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.state import initial_state
 from jaxfsi.opening import INLET, canonical_order, is_anomalous
 from jaxfsi.simulation import StepHistory
 from jaxfsi.simulation.record import port_flow, port_pressure
 from lumped import Ramp
-from lumped.waveforms import Constant
 from study.run.case_model import case_model
 from study.run.run_3d import finished_run
 from study.run.run_context import RunContext
-from study.run.setup import STEP
-from study.run.simulation_data import Outlets, Schedule, Setup
+from study.run.setup import STEP, aortic_pressure, outlet_blocks
+from study.run.shared_step import ramped
+from study.run.simulation_data import Outlets, Schedule, Setup, outlet_ports
 from study.run.study_choice import RampChoice
 from study.store.result_names import RAMP
 from study.store.stages import stage_key
@@ -34,17 +31,12 @@ from study.store.stages import stage_key
 _FRAMES = 4
 
 
-def ramp_record(
-    context: RunContext,
-    choice: RampChoice,
-    beside: contextlib.AbstractContextManager[None] | None = None,
-) -> RampRecord:
+def ramp_record(context: RunContext, choice: RampChoice) -> RampRecord:
     """Run the ramp, or take what was kept of it.
 
     Args:
         context: see `RunContext`.
         choice: how it is made.
-        beside: entered while the ramp runs; None: nothing else is done.
 
     Raises:
         RuntimeError: a step failed.
@@ -52,9 +44,8 @@ def ramp_record(
     key = ramp_key(context, choice)
 
     def compute() -> dict[str, np.ndarray]:
-        with contextlib.nullcontext() if beside is None else beside:
-            setup = prepare_ramp(context, choice)
-            record = finished_run(context, RAMP, key, setup).record
+        setup = prepare_ramp(context, choice)
+        record = finished_run(context, RAMP, key, setup).record
         return _columns(record, setup.model.names)
 
     found = context.stages.arrays(RAMP, stage_key("reading", key), compute)
@@ -81,10 +72,11 @@ def prepare_ramp(context: RunContext, choice: RampChoice) -> Setup:
     """Model and start of the ramp."""
     case, mesh = context.case, context.mesh
     plan = ramp_plan(context, choice)
-    rising, held = Ramp(choice.P_image, choice.rate), Constant(choice.P_image)
-    ports: dict[str, AbstractPort] = {
-        name: PressurePort(held if is_anomalous(name) else rising) for name in mesh.openings
-    }
+    rising, held = Ramp(choice.P_image, choice.rate), Ramp(choice.P_image, 0.0)
+    pressures = {name: held if is_anomalous(name) else rising for name in mesh.openings}
+    blocks = outlet_blocks(case, "rest", mesh, 1.0, None)
+    own = outlet_ports(aortic_pressure(case.conditions["rest"]), mesh.openings, blocks)
+    ports = ramped(own, pressures)
     model = case_model(case, mesh, ports, choice.P_image, keep=context.keep)
     state = initial_state(model, p=choice.P_image)
     return Setup(mesh, model, state, rising, Outlets(1.0, "none", {}, {}), plan)

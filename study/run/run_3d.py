@@ -20,6 +20,7 @@ from lumped import MMHG
 from study.run.results import PlannedRun, Run3D, RunCycle, RunHistory, stored_run
 from study.run.run_context import RunContext
 from study.run.setup import plan_steps, prepare_simulation
+from study.run.shared_step import with_ramp_off
 from study.run.simulation import run_simulation
 from study.run.simulation_data import Outcome, Setup
 from study.store.json_form import as_json
@@ -74,7 +75,7 @@ def fsi_run(context: RunContext, run: PlannedRun, *, before: PlannedRun | None =
         setup = setup_of(context, run)
         if before is not None:
             setup = dataclasses.replace(setup, state=_continued(context, before, setup))
-        outcome = finished_run(context, name, key, setup)
+        outcome = finished_run(context, name, key, with_ramp_off(setup))
         return as_json(run_result(context, setup, outcome, run))
 
     stage = stage_key("reading", key, context.site)
@@ -125,7 +126,8 @@ def _continued(context: RunContext, before: PlannedRun, setup: Setup) -> State:
     between the two at the start of a cycle.
     """
     rest = setup_of(context, before)
-    end = finished_run(context, before.id.name, run_key(context, before), rest).state
+    key = run_key(context, before)
+    end = finished_run(context, before.id.name, key, with_ramp_off(rest)).state
     assert end is not None
     start = setup.state
     blocks = []

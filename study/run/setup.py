@@ -230,31 +230,59 @@ def outlets_of(
     patient = _patient(case)
     alpha, origin = _alpha(patient, alpha)
     own = None if patient is None else patient.model.surrogate
-    blocks: dict[str, AbstractElement] = {}
+    blocks = outlet_blocks(case, condition, mesh, alpha, rule)
+    beds = _beds(case, condition, mesh, alpha, rule)
     starts = {}
-    segment = is_segment(mesh.openings)
-    if not segment:
+    for name, block in blocks.items():
+        if own is not None and name in _scaled(mesh):
+            bed, _ = beds[name]  # the states are pressures: alike in every share
+            before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=bed)
+            network = before.network(condition_of(entry), inlet=inlet)
+            starts[name] = network_start(network, entry.period)
+        else:
+            whole = beds[name][0] if name in beds else block
+            starts[name] = periodic_start(inlet, entry.period, whole)
+    return Outlets(alpha, origin, blocks, starts)
+
+
+def outlet_blocks(
+    case: Case, condition: str, mesh: Mesh, alpha: Parameter, rule: StressRule | None
+) -> dict[str, AbstractElement]:
+    """The block of each port but the inlet; arguments as in `outlets_of`, but for a known α."""
+    blocks: dict[str, AbstractElement] = {}
+    if not is_segment(mesh.openings):
         blocks[OUTLET] = _windkessel(case, condition, rule, opening_area(mesh, OUTLET))
-        starts[OUTLET] = periodic_start(inlet, entry.period, blocks[OUTLET])
-    others = [n for n in mesh.openings if n not in (inlet_name(mesh.openings), OUTLET)]
-    scaled = [name for name in others if segment or is_anomalous(name)]
+    beds = _beds(case, condition, mesh, alpha, rule)
+    return blocks | {name: share_of(bed, share) for name, (bed, share) in beds.items()}
+
+
+def _scaled(mesh: Mesh) -> list[str]:
+    """Outlets of the anomalous artery; all of a segment."""
+    segment = is_segment(mesh.openings)
+    return [name for name in _coronary_outlets(mesh) if segment or is_anomalous(name)]
+
+
+def _coronary_outlets(mesh: Mesh) -> list[str]:
+    return [n for n in mesh.openings if n not in (inlet_name(mesh.openings), OUTLET)]
+
+
+def _beds(
+    case: Case, condition: str, mesh: Mesh, alpha: Parameter, rule: StressRule | None
+) -> dict[str, tuple[Coronary, Parameter]]:
+    """Behind each coronary outlet the bed of its artery, and the outlet's share of it."""
+    entry, others, scaled = case.conditions[condition], _coronary_outlets(mesh), _scaled(mesh)
     shares = outlet_shares({name: opening_area(mesh, name) for name in scaled})
     whole = [] if case.from_body.normal_bed is None else [n for n in others if n not in shares]
     normal_shares = outlet_shares({name: opening_area(mesh, name) for name in whole})
     ventricle = VentricularPressure(entry.P_systolic, entry.period)
     plain = Coronary(P_im=ventricle, **dataclasses.asdict(case.coronary))
     normal = Coronary(P_im=ventricle, **dataclasses.asdict(case.normal_bed))
+    beds: dict[str, tuple[Coronary, Parameter]] = {}
     for name in others:
-        scale, own_bed = (alpha, plain) if name in shares else (1.0, normal)
-        bed = coronary_outlet(own_bed, ventricle, scale, rule)
-        blocks[name] = share_of(bed, shares.get(name, normal_shares.get(name, 1.0)))
-        if name in shares and own is not None:  # the states are pressures: alike in every share
-            before = Surrogate(R0=own.R0, K=own.K, C0=case.surrogate.C0, coronary=bed)
-            network = before.network(condition_of(entry), inlet=inlet)
-            starts[name] = network_start(network, entry.period)
-        else:
-            starts[name] = periodic_start(inlet, entry.period, bed)
-    return Outlets(alpha, origin, blocks, starts)
+        scale, own = (alpha, plain) if name in shares else (1.0, normal)
+        share = shares.get(name, normal_shares.get(name, 1.0))
+        beds[name] = coronary_outlet(own, ventricle, scale, rule), share
+    return beds
 
 
 def _patient(case: Case) -> Patient | None:

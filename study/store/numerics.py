@@ -68,7 +68,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         "jaxfsi/core/*", "jaxfsi/fields/*", "jaxfsi/nominal.py", "jaxfsi/simulation/*",
         "study/run/driven_beat.py", "study/run/case_model.py", "study/run/fitted_ramp.py",
         "study/run/run_3d.py", "study/run/ramp.py", "study/run/run_context.py",
-        "study/run/setup.py", "study/run/simulation.py", "study/run/simulation_data.py",
+        "study/run/setup.py", "study/run/shared_step.py", "study/run/simulation.py",
+        "study/run/simulation_data.py",
         "study/run/study_choice.py", "study/run/study_parts.py",
     ),
     "reading": (

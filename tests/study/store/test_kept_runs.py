@@ -72,6 +72,7 @@ def march(monkeypatch, context):
         return run_with(1.0 / (1.0 + seen.read))
 
     monkeypatch.setattr(run_3d, "setup_of", lambda *_: None)
+    monkeypatch.setattr(run_3d, "with_ramp_off", lambda setup: setup)
     monkeypatch.setattr(run_3d, "run_simulation", run)
     monkeypatch.setattr(run_3d, "run_result", read)
     return seen

@@ -15,6 +15,7 @@ from jaxfsi.core import (
     FlowPort,
     PlugPort,
     PressurePort,
+    RampedPort,
     ResistanceInertancePort,
     VelocityPort,
     build_model,
@@ -29,7 +30,7 @@ from jaxfsi.core.step.step import RESULTS, advance_step
 from jaxfsi.mesh import INTERFACE
 from jaxfsi.meshing import tube
 from jaxfsi.verification.volume_balance import balance, wet_wall
-from lumped import RCR, Sinusoid
+from lumped import RCR, Ramp, Sinusoid
 from lumped.parameters import Parameter, parameter
 
 RADIUS, DT, N_STEPS = 0.5, 1e-3, 4
@@ -46,13 +47,17 @@ class Paraboloid(AbstractVelocity):
         return jnp.stack([jnp.zeros_like(share), jnp.zeros_like(share), self.peak * share])
 
 
+_BLOCK = BlockPort(RCR(R_proximal=200.0, C=1e-5, R_distal=2e3, P_ref=100.0))
+
 PORTS = {
     "pressure": PressurePort(Sinusoid(500.0, 300.0, 0.01)),
     "flow": FlowPort(Sinusoid(2.0, 1.0, 0.01)),
     "plug": PlugPort(Sinusoid(3.0, 2.0, 0.01)),
     "velocity": VelocityPort(Paraboloid(5.0)),
-    "block": BlockPort(RCR(R_proximal=200.0, C=1e-5, R_distal=2e3, P_ref=100.0)),
+    "block": _BLOCK,
     "resistance and inertance": ResistanceInertancePort(R=200.0, L=5.0, P_ref=100.0),
+    "ramped": RampedPort(_BLOCK, Ramp(500.0, 3e4), jnp.asarray(True)),
+    "ramped, off": RampedPort(_BLOCK, Ramp(500.0, 3e4), jnp.asarray(False)),
 }
 
 NONLINEAR: frozenset[str] = frozenset()
@@ -253,3 +258,29 @@ def test_gradient_of_a_march_is_that_of_differences(case):
     wanted = scale * np.asarray(differences)
     atol = 1e-5 * float(np.max(np.abs(wanted)))
     np.testing.assert_allclose(scale * gradient, wanted, rtol=1e-4, atol=atol)
+
+
+@pytest.mark.parametrize("ramped", [True, False])
+def test_a_ramped_port_is_the_pressure_or_its_own_port(ramped):
+    """Both by one compiled step, to the last digits: the numbers are the same, their order not."""
+    pressure = Ramp(1500.0, 3e5)
+    switched = Case(RampedPort(_BLOCK, pressure, jnp.asarray(ramped)))
+    plain = Case(PressurePort(pressure) if ramped else _BLOCK)
+    blocks = switched.start.blocks[0]
+    found, expected = switched.after(N_STEPS, switched.start), plain.after(N_STEPS, plain.start)
+    for name in ("u", "p", "P_port", "Q_port"):
+        a, b = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-9 * float(jnp.max(jnp.abs(b))))
+    assert float(jnp.max(jnp.abs(found.Q_port))) > 0.01
+    kept = blocks if ramped else expected.blocks[0]
+    np.testing.assert_allclose(found.blocks[0], kept, rtol=1e-9)
+
+
+def test_one_step_serves_a_ramp_and_what_follows_it():
+    """Whether the pressure is given is a number: nothing is compiled for the other."""
+    case = Case(RampedPort(_BLOCK, Ramp(1500.0, 3e5), jnp.asarray(True)))
+    state = case.after(1, case.start)
+    other = RampedPort(_BLOCK, Ramp(0.0, 0.0), jnp.asarray(False))
+    case.model = eqx.tree_at(lambda m: m.ports[0], case.model, other)
+    with jax.no_tracing():
+        case.after(1, state)

@@ -40,6 +40,9 @@ CLIPPED_SHARE = 0.03
 SWAPPED_MMHG = 8.0
 """Excess of distal over aortic mean pressure that no sensor error explains."""
 
+FAST_EJECTION = 0.2
+"""Ejection of a fast heart [s]: more than half of its beat."""
+
 TIME = Quantity("time", "s", -60.0, 600.0, name="time")
 COLUMNS = (
     TIME,
@@ -92,7 +95,7 @@ def read_beats(
             refuse(*refusal.parts)
             return None
     _check_clipping(traces, t, period, refuse)
-    _check_beats(folded.beats, P_systolic, refuse)
+    _check_beats(folded.beats, P_systolic, folded.period, refuse)
     beats = folded.beats
     if "Q" in beats:
         beats["Q"] = beats["Q"] * ML_PER_MIN
@@ -204,7 +207,9 @@ def _check_clipping(
                 refuse(shown(float(extreme)), problem, "no flat stretch at an extreme", cure)
 
 
-def _check_beats(beats: dict[str, np.ndarray], P_systolic: float, refuse: Refuse) -> None:
+def _check_beats(
+    beats: dict[str, np.ndarray], P_systolic: float, period: float, refuse: Refuse
+) -> None:
     """Refuse beats that no heart has, or not the stated one."""
     aorta = beats["P_aorta"]
     mean_beat = aorta.mean(axis=0)
@@ -214,9 +219,15 @@ def _check_beats(beats: dict[str, np.ndarray], P_systolic: float, refuse: Refuse
         allowed = f"near P_systolic_mmHg = {P_systolic:g}"
         refuse(round(peak, 1), "the aortic peak is far from the stated one", allowed, cure)
     at = float(mean_beat.argmax()) / mean_beat.size
-    if not 0.08 <= at <= 0.55:
+    latest = max(0.55, min(FAST_EJECTION / period, 0.7))
+    if not 0.08 <= at <= latest:
         cure = "shift the trace so that it starts where the aortic valve opens, or correct period_s"
-        refuse(round(at, 3), "the aortic peak lies outside ejection", "0.08 to 0.55 beats", cure)
+        refuse(
+            round(at, 3),
+            "the aortic peak lies outside ejection",
+            f"0.08 to {latest:.2f} beats",
+            cure,
+        )
     for name, trace in beats.items():
         if name == "Q":
             continue

@@ -9,6 +9,7 @@ from diagnosis import diagnose, measured, noise_of, stacked
 from lumped import MMHG
 from study.case.faults import CaseError
 from study.case.record import read_record, record_files
+from study.case.record_beats import read_beats
 from study.run.diagnosis import with_case
 from study.store.layouts import FORMAT
 from tests.diagnosis.records import synthetic
@@ -70,6 +71,27 @@ def test_damaged_records_are_refused_with_a_cause(name, tmp_path, files):
     damage, words = DAMAGE[name]
     with pytest.raises(CaseError, match=words):
         read_record(write(tmp_path / name, damage(files)))
+
+
+def peak_at(share, period):
+    """Two beats whose aortic peak lies at a share of the beat, as a table in a file."""
+    t = np.arange(100) * period / 50
+    P = 80.0 + 30.0 * np.cos(2.0 * np.pi * (t / period - share)) + 0.2 * np.cos(40.0 * t)
+    rows = [f"{a:.6f},{b:.4f}" for a, b in zip(t, P, strict=True)]
+    return "\n".join(["time_s,P_aorta_mmHg", *rows]) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("share", "period", "fits"), [(0.56, 0.335, True), (0.56, 0.8, False), (0.75, 0.335, False)]
+)
+def test_ejection_of_a_fast_heart_is_more_than_half_of_its_beat(share, period, fits, tmp_path):
+    path = tmp_path / "beats.csv"
+    path.write_text(peak_at(share, period))
+    faults = []
+    found = read_beats(path, period, 110.0, "waveform", faults)
+    told = [fault for fault in faults if "ejection" in str(fault)]
+    assert (not told) == fits
+    assert (found is not None) == fits
 
 
 def test_a_record_without_rest_is_read_with_a_remark(tmp_path, files):

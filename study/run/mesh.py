@@ -13,6 +13,7 @@ from jaxfsi.mesh import INTERFACE
 from jaxfsi.meshing import check_topology, mesh_quality, tet_quality, wall_thickness
 from jaxfsi.meshing.build import build_mesh
 from jaxfsi.meshing.check.section_areas import SectionAreas, section_areas
+from jaxfsi.meshing.isolate import threads_of_children
 from lumped.units import MM
 from study.case.advice import nearest
 from study.case.anatomy import MeshAnatomy
@@ -176,12 +177,14 @@ def mesh_state(case: Case, state: str, progress: Progress) -> StateMesh:
     else:
         anatomy = case_anatomy(case, state)
         mesh, report = _built(case, anatomy, state, progress)
-    progress.step(f"measuring, {state}")
-    sections, histograms = _sections(mesh, anatomy), _measured_histograms(case, mesh)
-    progress.step(f"drawing, {state}")
-    start = time.perf_counter()
-    pictures, note = draw_mesh(mesh, anatomy)
-    report["wall_time_s"]["drawing"] = time.perf_counter() - start
+    with threads_of_children(1) as pool:
+        drawing = pool.submit(draw_mesh, mesh, anatomy)
+        progress.step(f"measuring, {state}")
+        sections, histograms = _sections(mesh, anatomy), _measured_histograms(case, mesh)
+        progress.step(f"drawing, {state}")
+        start = time.perf_counter()
+        pictures, note = drawing.result()
+        report["wall_time_s"]["drawing"] = time.perf_counter() - start
     found = StateReport(
         state=state,
         kind=case.anatomy.kind if case.anatomy is not None else "",

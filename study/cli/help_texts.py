@@ -107,7 +107,7 @@ examples:
   jaxfsi study case.toml --rules printed,all --nominal
   jaxfsi study case.toml --sensitivities dobutamine  and which piece of the lumen moves FFR
   jaxfsi study case.toml --uncertainty 4             each FFR in 3D with an interval and its causes
-  jaxfsi study --demo --quick --out results          the bundled patient in about five minutes
+  jaxfsi study --demo --quick --out results          the bundled patient in three to five minutes
 
 needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,
 pictures, stages/ and the fields of every run below runs/. Given again, the command goes on where it

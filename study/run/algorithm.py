@@ -29,7 +29,6 @@ from jaxfsi.fields.lumen_sections import lumen_motion
 from study.case.laws import LINEAR, QUADRATIC
 from study.case.model import Case
 from study.run.anatomy_source import states_of
-from study.run.compile_ahead import compiled_ahead
 from study.run.computed_parts import computed_parts
 from study.run.drawn_runs import drawn_step, runs_beside_0d
 from study.run.fitted_ramp import FittedRamp, fitted
@@ -37,6 +36,7 @@ from study.run.lumen_parts import motion_part
 from study.run.mesh import planned_steps
 from study.run.mesh_error import compared, fineness
 from study.run.pipeline import run_case
+from study.run.prepare_ahead import prepared_ahead
 from study.run.progress import Progress
 from study.run.ramp import ramp_key, ramp_plan, ramp_record
 from study.run.ramp_losses import ramp_losses
@@ -81,10 +81,10 @@ def run_study(
     progress = progress or Progress()
     progress.plan(study_steps(case, choice))
     begun = any((folder / STAGE_FOLDER).glob(f"{RAMP}.*"))
-    with contextlib.nullcontext() if begun else compiled_ahead(case):
+    with contextlib.nullcontext() if begun else prepared_ahead(case) as rest:
         context, anatomy = open_context(case, folder, choice.run, progress)
         progress.step(RAMP)
-        record = ramp_record(context, choice.ramp)
+        record = ramp_record(context, choice.ramp, rest)
     dt = ramp_plan(context, choice.ramp).dt
     losses = ramp_losses(context, ramp_key(context, choice.ramp), dt)
     ramp = fitted(record, choice.ramp, losses)

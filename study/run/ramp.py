@@ -9,6 +9,7 @@ Source: Puelz et al. 2024, section 2.4: 60 mmHg, 37.5 mmHg/s, slope at 40 mmHg.
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -31,12 +32,17 @@ from study.store.stages import stage_key
 _FRAMES = 4
 
 
-def ramp_record(context: RunContext, choice: RampChoice) -> RampRecord:
+def ramp_record(
+    context: RunContext,
+    choice: RampChoice,
+    prepared: Callable[[RunContext], object] | None = None,
+) -> RampRecord:
     """Run the ramp, or take what was kept of it.
 
     Args:
         context: see `RunContext`.
         choice: how it is made.
+        prepared: called before its first step.
 
     Raises:
         RuntimeError: a step failed.
@@ -45,6 +51,8 @@ def ramp_record(context: RunContext, choice: RampChoice) -> RampRecord:
 
     def compute() -> dict[str, np.ndarray]:
         setup = prepare_ramp(context, choice)
+        if prepared is not None:
+            prepared(context)
         record = finished_run(context, RAMP, key, setup).record
         return _columns(record, setup.model.names)
 

@@ -132,7 +132,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/packed_array.py", "study/report/stored_vessel.py",
     "study/report/study_vessel.py", "study/report/vessel_*",
     "study/run/artery_files.py", "study/run/case_call.py", "study/run/cohort.py",
-    "study/run/compile_ahead.py",
+    "study/run/prepare_ahead.py",
     "study/run/checked_file.py", "study/run/checking.py", "study/run/computed_parts.py",
     "study/run/dry_run.py", "study/run/*executor*.py", "study/run/job_files.py",
     "study/run/expected_times.py", "study/run/finished_study.py",

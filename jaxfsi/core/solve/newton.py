@@ -47,6 +47,9 @@ ROUND_OFF = 1e-14
 SLACK = 10.0
 """A nonlinear residual of at most SLACK × tolerance is accepted without linearising again."""
 
+DIVERGED = 2.0
+"""A residual of that multiple of the extrapolated state's ends the step as a failed one."""
+
 LINEAR_SHARE = 0.25
 """Share of the tolerance that the last linear system of a step may leave. What a start along the
 last correction leaves is alike from step to step: with half of the tolerance the volume that a
@@ -242,6 +245,7 @@ def solve_step(
         left = jnp.maximum(norm / s.norm - s.goal, 0.0)
         remainder = jnp.where(n_newton == 1, left, s.remainder)
         asks = norm > jnp.where(s.loose, LINEAR_SHARE, SLACK) * allowed
+        asks &= norm <= DIVERGED * first
 
         def correct():
             tight = jnp.maximum(LINEAR_SHARE * allowed / norm, LEAST_REDUCTION)

@@ -10,6 +10,7 @@ import pytest
 from jaxfsi.core.ports.block import BlockPort
 from jaxfsi.core.ports.flow import FlowPort
 from jaxfsi.core.ports.pressure import PressurePort
+from jaxfsi.core.solve import newton
 from jaxfsi.core.step.equations import Unknowns, begin_step, extrapolated, relinearised, residual
 from jaxfsi.core.step.march import march
 from jaxfsi.core.step.model import build_model
@@ -134,6 +135,17 @@ def test_step_that_is_too_long_is_not_converged(model, stepper):
     # Factors made for steps of 1 ms, a wall under a load for which it would burst.
     state = initial_state(model, p=1e7)
     assert _failing(model, state, stepper) == RESULTS.not_converged
+
+
+@pytest.mark.parametrize(("limit", "n_newton"), [(newton.DIVERGED, 4), (0.5, 0)])
+def test_step_ends_where_its_residual_is_beyond_the_limit(monkeypatch, model, limit, n_newton):
+    """A tight step takes some systems; below one, the extrapolated state itself is beyond."""
+    monkeypatch.setattr(newton, "DIVERGED", limit)
+    stepper = prepare(DT, model, tolerance=1e-7, max_nonlinear=4)
+    _, report = advance_step(model, initial_state(model), stepper)
+    assert int(report.n_newton) <= n_newton
+    assert (report.result == RESULTS.not_converged) == (limit < 1.0)
+    assert (float(report.residual) == 1.0) == (limit < 1.0)
 
 
 def test_march_raises_with_the_step_and_the_cure(model, stepper):

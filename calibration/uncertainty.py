@@ -28,7 +28,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import betainc, ndtri
-from scipy.stats import qmc
 
 from calibration.cases import map_cases
 from calibration.interval import Uncertainty, tail_of
@@ -299,6 +298,8 @@ def _drawn(n: int, model: _Model, seed: int) -> list[np.ndarray]:
 
 def standard_normals(n: int, n_inputs: int, seed: int = 0) -> Float[np.ndarray, "samples inputs"]:
     """A scrambled Sobol sequence of standard normal numbers, as many as the next power of two."""
+    from scipy.stats import qmc  # a fifth of a second to import, for this alone
+
     sequence = qmc.Sobol(n_inputs, scramble=True, rng=np.random.default_rng(seed))
     uniform = sequence.random_base2(int(np.ceil(np.log2(n))))
     return ndtri(np.clip(uniform, EDGE, 1.0 - EDGE))

@@ -7,7 +7,6 @@
 import pathlib
 
 import numpy as np
-import trimesh
 from jaxtyping import Float
 
 from jaxfsi import INTERFACE, Mesh
@@ -115,6 +114,8 @@ def coloured_lumen(mesh: Mesh, found: ArteryProfile) -> bytes:
     stops = np.linspace(0.0, 1.0, len(_COLOURS))
     colours = np.stack([np.interp(place, stops, _COLOURS[:, i]) for i in range(3)], axis=1)
     alpha = np.full((len(nodes), 1), 255.0)
+    import trimesh  # a quarter of a second to import, for surfaces alone
+
     surface = trimesh.Trimesh(
         (mesh.points + found.moved)[nodes] * _METRE,
         faces.reshape(triangles.shape),

@@ -2,8 +2,6 @@
 
 import numpy as np
 import scipy.sparse
-import trimesh
-import trimesh.smoothing
 from jaxtyping import Bool, Int
 
 from jaxfsi.anatomy.surfaces.flat_ends import FlatEnd
@@ -49,6 +47,8 @@ def taubin_smoothed(
         steps: number of pairs of steps; 0 leaves the surface alone.
         fixed: points that stay.
     """
+    import trimesh.smoothing  # a quarter of a second to import, for surfaces alone
+
     mesh = trimesh.Trimesh(surface.points, surface.faces, process=False)
     mean = mean_of_neighbours(surface, fixed)
     smooth = trimesh.smoothing.filter_taubin(mesh, _SHRINK, _GROW, 2 * steps, mean)

@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse
 import scipy.spatial
-import trimesh
 from jaxtyping import Bool, Float, Int
 
 from jaxfsi.faces import corner_fans
@@ -107,6 +106,8 @@ def check_span(surface: Triangles, largest: float) -> None:
 
 def _loaded(path: pathlib.Path, suffix: str) -> Triangles:
     hint = "The file may be truncated; export the surface again."
+    import trimesh  # a quarter of a second to import, for surfaces alone
+
     if suffix == ".stl":
         _check_stl(path, hint)
     try:

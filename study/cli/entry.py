@@ -5,6 +5,7 @@ SIGHUP act as Ctrl-C does: 3D runs keep their last whole chunk. One that comes w
 still imported ends it at once; a second one within a second of the first is the same one.
 """
 
+import contextlib
 import importlib
 import os
 import signal
@@ -41,9 +42,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ.setdefault(LOG_LEVEL, _FATAL_ALONE)
     with Signals(alone=argv is None) as signals:
         try:
-            return importlib.import_module("study.cli.commands").run(argv, signals)
+            status = importlib.import_module("study.cli.commands").run(argv, signals)
         except KeyboardInterrupt:  # before the command began, or a second one at its very end
-            return INTERRUPTED
+            status = INTERRUPTED
+    if argv is None and status == INTERRUPTED:
+        _leave()
+    return status
+
+
+def _leave() -> None:
+    """End the process at once: a thread that compiles would keep it for up to half a minute."""
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError):
+            stream.flush()
+    os._exit(INTERRUPTED)
 
 
 class Signals:

@@ -31,20 +31,21 @@ _NOMINAL = 1e3, 1.0
 def prepared_ahead(case: Case) -> Iterator[Callable[[RunContext], object]]:
     """Prepare the calibration in 0D, and the run at rest too, while the block is at work.
 
-    At its end the block waits for what is at work. Whatever fails here fails again, and is
-    reported, where it is called.
+    At its end the block waits for what is at work, but not where it ends with an exception.
+    Whatever fails here fails again, and is reported, where it is called.
 
     Yields:
         What is called for the run at rest once that of the ramp is prepared: the two share
         programs, which are compiled once where one follows the other.
     """
-    with ThreadPoolExecutor(1, "prepare-ahead") as pool:
-        pool.submit(_quietly, lambda: _calibration(case))
-        try:
-            yield lambda context: pool.submit(_quietly, lambda: _rest(context))
-        except BaseException:
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
+    pool = ThreadPoolExecutor(1, "prepare-ahead")
+    pool.submit(_quietly, lambda: _calibration(case))
+    ended = False
+    try:
+        yield lambda context: pool.submit(_quietly, lambda: _rest(context))
+        ended = True
+    finally:
+        pool.shutdown(wait=ended, cancel_futures=not ended)
 
 
 def _quietly(task: Callable[[], None]) -> None:

@@ -150,6 +150,26 @@ def test_interrupt_that_python_drops_in_a_callback_is_raised_again():
     assert (found.returncode, found.stderr) == (130, "")
 
 
+_AT_WORK = """
+import sys, threading, time
+import study.cli.entry as cli
+
+class Commands:
+    def run(argv, signals):
+        threading.Thread(target=time.sleep, args=(600.0,)).start()
+        print("told")
+        return cli.INTERRUPTED
+
+sys.modules["study.cli.commands"] = Commands
+sys.exit(cli.main())
+"""
+
+
+def test_interrupted_command_does_not_wait_for_a_thread_that_compiles():
+    found = _python(_AT_WORK)  # would run into the time limit of the call
+    assert (found.returncode, found.stdout) == (130, "told\n")
+
+
 def test_command_lets_xla_log_nothing_but_what_ends_it(monkeypatch):
     monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
     program = "import os, study.cli.entry; study.cli.entry.main(['template']); print(os.environ)"

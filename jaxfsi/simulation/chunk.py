@@ -10,9 +10,6 @@ geometry, convective velocity and stabilisation rest::
 with root mean squares over the nodes.
 """
 
-import contextlib
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import equinox as eqx
@@ -106,27 +103,6 @@ def advance_chunk(
         )
 
     return jax.lax.while_loop(proceed, advance, start)
-
-
-@contextlib.contextmanager
-def compiled_beside(model: Model, state: State, stepper: Stepper, size: int) -> Iterator[None]:
-    """Compile `advance_chunk` in a second thread while the block, which compiles too, is at work.
-
-    At its end the block waits for it, but not where it ends with an exception.
-    """
-
-    def compiled() -> None:
-        with contextlib.suppress(Exception):  # fails again, and is reported, where it is called
-            advance_chunk(model, state, stepper, jnp.asarray(0), jnp.asarray(jnp.inf, float), size)
-
-    pool = ThreadPoolExecutor(1, "compile-beside")
-    pool.submit(compiled)
-    ended = False
-    try:
-        yield
-        ended = True
-    finally:
-        pool.shutdown(wait=ended)
 
 
 def _change(before: State, after: State) -> Float[Array, ""]:

@@ -24,7 +24,7 @@ from jaxfsi.simulation.checkpoint import (
     load_checkpoint,
     save_checkpoint,
 )
-from jaxfsi.simulation.chunk import Chunk, advance_chunk, compiled_beside
+from jaxfsi.simulation.chunk import Chunk, advance_chunk
 from jaxfsi.simulation.collapse import Collapse, collapse, snapping
 from jaxfsi.simulation.observer import AbstractObserver
 from jaxfsi.simulation.record import StepHistory, empty_record, joined
@@ -181,12 +181,10 @@ def simulate(
         if resumed > n_steps:
             raise _too_long(checkpoint, resumed, n_steps, dt)
         _restore(observers, resumed, run)
-    steppers: dict[int, Stepper] = {}
-    if resumed is None:
-        stepper = _stepper(0, steppers, dt, model, solver)
-        with compiled_beside(model, state, stepper, chunk):
-            run = _observed(0, model, run, observers)
+    else:
+        run = _observed(0, model, run, observers)
     periods = [chunk, checkpoint_every, *(observer.every for observer in observers)]
+    steppers: dict[int, Stepper] = {}
     reached = run
     whole = stride(0, control)
     try:

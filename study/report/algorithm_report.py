@@ -1,8 +1,7 @@
 """Pictures, document and page of a study, drawn and written into its folder."""
 
 import pathlib
-from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -44,9 +43,10 @@ def write_study(
     """
     progress.step("drawing")
     with threads_of_children(_RENDERERS) as pool:
-        drawing = _drawing(result, pool)
+        drawing, filming = pool.submit(_drawn, result), pool.submit(_films, result)
         vessel = study_vessel(result)
-        drawn, films = _drawn(drawing)
+        drawn = drawing.result()
+        films = {name: film for name, film in filming.result().items() if drawn[name].pictures}
     progress.step("writing the report")
     document = as_json(
         study_document(result, drawn, list(films), provenance.took(progress.spent()))
@@ -62,47 +62,34 @@ def write_study(
     return document, written
 
 
-class _Drawing(NamedTuple):
-    """Pictures of a run that processes of their own are drawing."""
-
-    simulation: Future[tuple[dict[str, bytes], list[float], str | None]]
-    lumen: Future[dict[str, bytes]] | None
-    film: Future[bytes | None] | None
-
-
-def _drawing(result: StudyResult, pool: ThreadPoolExecutor) -> dict[str, _Drawing]:
-    """Pictures of the calibrated runs; an animation of the last one under stress."""
-    drawing: dict[str, _Drawing] = {}
-    shown = result.calibrated
-    moving = [run for run in shown if not run.is_rest][-1:] or shown[-1:]
-    for run in shown:
+def _scenes(result: StudyResult) -> dict[str, tuple[Any, ...]]:
+    """What of each calibrated run with frames is drawn."""
+    found: dict[str, tuple[Any, ...]] = {}
+    for run in result.calibrated:
         inlet = Inlet(np.array(run.history.t_s), np.array(run.history.P_aorta_mmHg))
         series = result.folder / run.folder / SERIES_FILE
-        if not read_series(series):
-            continue
-        scene = (series, result.mesh, result.anatomy, inlet, run.period_s)
-        lumen = None
-        if run.id in result.sensitivities:
-            values = result.sensitivities[run.id].lumen * 1e-3  # per mm³
-            surface = lumen_surface(result.mesh)
-            lumen = pool.submit(draw_lumen, result.mesh, result.anatomy, surface, values)
-        drawing[run.id] = _Drawing(
-            pool.submit(draw_simulation, *scene),
-            lumen,
-            pool.submit(draw_film, *scene) if run in moving else None,
-        )
-    return drawing
+        if read_series(series):
+            found[run.id] = (series, result.mesh, result.anatomy, inlet, run.period_s)
+    return found
 
 
-def _drawn(drawing: dict[str, _Drawing]) -> tuple[dict[str, Drawn], dict[str, bytes]]:
-    """The pictures and animations by run, once they are drawn."""
+def _drawn(result: StudyResult) -> dict[str, Drawn]:
+    """Pictures of the calibrated runs."""
     drawn: dict[str, Drawn] = {}
-    films: dict[str, bytes] = {}
-    for name, of_run in drawing.items():
-        drawn[name] = Drawn(*of_run.simulation.result())
-        if of_run.lumen is not None:
-            drawn[name].pictures.update(of_run.lumen.result())
-        film = None if of_run.film is None else of_run.film.result()
-        if film is not None:
-            films[name] = film
-    return drawn, films
+    for name, scene in _scenes(result).items():
+        drawn[name] = Drawn(*draw_simulation(*scene))
+        if name in result.sensitivities:
+            values = result.sensitivities[name].lumen * 1e-3  # per mm³
+            surface = lumen_surface(result.mesh)
+            lumen = draw_lumen(result.mesh, result.anatomy, surface, values)
+            drawn[name].pictures.update(lumen)
+    return drawn
+
+
+def _films(result: StudyResult) -> dict[str, bytes]:
+    """An animation of the last calibrated run under stress."""
+    shown = result.calibrated
+    moving = [run for run in shown if not run.is_rest][-1:] or shown[-1:]
+    scenes = _scenes(result)
+    films = {run.id: draw_film(*scenes[run.id]) for run in moving if run.id in scenes}
+    return {name: film for name, film in films.items() if film is not None}

@@ -80,6 +80,7 @@ def run_study(
     check_study(case, choice)
     progress = progress or Progress()
     progress.plan(study_steps(case, choice))
+    # where a ramp was kept, the calibration follows at once: nothing is left to be beside
     begun = any((folder / STAGE_FOLDER).glob(f"{RAMP}.*"))
     with contextlib.nullcontext() if begun else prepared_ahead(case) as rest:
         context, anatomy = open_context(case, folder, choice.run, progress)

@@ -10,6 +10,7 @@ import dataclasses
 import io
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
 
 from study.case.model import Case
 from study.run.pipeline import run_case
@@ -19,6 +20,8 @@ from study.run.run_3d import setup_of
 from study.run.run_context import RunContext
 from study.run.study_context import case_with_curve, with_curve
 from study.store.result_names import CURVE
+
+_T = TypeVar("_T")
 
 MOST_TETS = 100_000
 """Tetrahedra up to which a run is prepared beside the ramp, whose memory it needs once more."""
@@ -39,18 +42,18 @@ def prepared_ahead(case: Case) -> Iterator[Callable[[RunContext], object]]:
         programs, which are compiled once where one follows the other.
     """
     pool = ThreadPoolExecutor(1, "prepare-ahead")
-    pool.submit(_quietly, lambda: _calibration(case))
+    pool.submit(_quietly, _calibration, case)
     ended = False
     try:
-        yield lambda context: pool.submit(_quietly, lambda: _rest(context))
+        yield lambda context: pool.submit(_quietly, _rest, context)
         ended = True
     finally:
         pool.shutdown(wait=ended, cancel_futures=not ended)
 
 
-def _quietly(task: Callable[[], None]) -> None:
+def _quietly(task: Callable[[_T], None], argument: _T) -> None:
     with contextlib.suppress(Exception):
-        task()
+        task(argument)
 
 
 def _calibration(case: Case) -> None:

@@ -24,7 +24,7 @@ from study.run.run_3d import finished_run
 from study.run.run_context import RunContext
 from study.run.setup import STEP, aortic_pressure, outlet_blocks
 from study.run.shared_step import ramped
-from study.run.simulation_data import Outlets, Schedule, Setup, outlet_ports
+from study.run.simulation_data import Outlets, Schedule, Setup
 from study.run.study_choice import RampChoice
 from study.store.result_names import RAMP
 from study.store.stages import stage_key
@@ -82,8 +82,8 @@ def prepare_ramp(context: RunContext, choice: RampChoice) -> Setup:
     plan = ramp_plan(context, choice)
     rising, held = Ramp(choice.P_image, choice.rate), Ramp(choice.P_image, 0.0)
     pressures = {name: held if is_anomalous(name) else rising for name in mesh.openings}
-    blocks = outlet_blocks(case, "rest", mesh, 1.0, None)
-    own = outlet_ports(aortic_pressure(case.conditions["rest"]), mesh.openings, blocks)
+    at_rest = Outlets(1.0, "none", outlet_blocks(case, "rest", mesh, 1.0, None), {})
+    own = at_rest.ports(aortic_pressure(case.conditions["rest"]), mesh.openings)
     ports = ramped(own, pressures)
     model = case_model(case, mesh, ports, choice.P_image, keep=context.keep)
     state = initial_state(model, p=choice.P_image)

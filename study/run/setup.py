@@ -72,6 +72,9 @@ STEP = 1.0e-3
 CYCLES = 4
 """Cycles where the case says nothing, as in the paper."""
 
+_Beds = dict[str, tuple[Coronary, Parameter]]
+"""By coronary outlet: the bed of its artery, and the outlet's share of it."""
+
 LARGEST_NU = 0.499
 """Poisson's ratio beyond which the displacement-based wall has no finite stiffness."""
 
@@ -230,8 +233,8 @@ def outlets_of(
     patient = _patient(case)
     alpha, origin = _alpha(patient, alpha)
     own = None if patient is None else patient.model.surrogate
-    blocks = outlet_blocks(case, condition, mesh, alpha, rule)
     beds = _beds(case, condition, mesh, alpha, rule)
+    blocks = _blocks(case, condition, mesh, rule, beds)
     starts = {}
     for name, block in blocks.items():
         if own is not None and name in _scaled(mesh):
@@ -249,10 +252,15 @@ def outlet_blocks(
     case: Case, condition: str, mesh: Mesh, alpha: Parameter, rule: StressRule | None
 ) -> dict[str, AbstractElement]:
     """The block of each port but the inlet; arguments as in `outlets_of`, but for a known α."""
+    return _blocks(case, condition, mesh, rule, _beds(case, condition, mesh, alpha, rule))
+
+
+def _blocks(
+    case: Case, condition: str, mesh: Mesh, rule: StressRule | None, beds: _Beds
+) -> dict[str, AbstractElement]:
     blocks: dict[str, AbstractElement] = {}
     if not is_segment(mesh.openings):
         blocks[OUTLET] = _windkessel(case, condition, rule, opening_area(mesh, OUTLET))
-    beds = _beds(case, condition, mesh, alpha, rule)
     return blocks | {name: share_of(bed, share) for name, (bed, share) in beds.items()}
 
 
@@ -268,8 +276,7 @@ def _coronary_outlets(mesh: Mesh) -> list[str]:
 
 def _beds(
     case: Case, condition: str, mesh: Mesh, alpha: Parameter, rule: StressRule | None
-) -> dict[str, tuple[Coronary, Parameter]]:
-    """Behind each coronary outlet the bed of its artery, and the outlet's share of it."""
+) -> _Beds:
     entry, others, scaled = case.conditions[condition], _coronary_outlets(mesh), _scaled(mesh)
     shares = outlet_shares({name: opening_area(mesh, name) for name in scaled})
     whole = [] if case.from_body.normal_bed is None else [n for n in others if n not in shares]
@@ -277,7 +284,7 @@ def _beds(
     ventricle = VentricularPressure(entry.P_systolic, entry.period)
     plain = Coronary(P_im=ventricle, **dataclasses.asdict(case.coronary))
     normal = Coronary(P_im=ventricle, **dataclasses.asdict(case.normal_bed))
-    beds: dict[str, tuple[Coronary, Parameter]] = {}
+    beds: _Beds = {}
     for name in others:
         scale, own = (alpha, plain) if name in shares else (1.0, normal)
         share = shares.get(name, normal_shares.get(name, 1.0))

@@ -1,14 +1,14 @@
 """What a 3D run of a case starts from, and what it leaves."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from jaxtyping import Array, Float
 
 from jaxfsi import Mesh
 from jaxfsi.core.ports.block import BlockPort
-from jaxfsi.core.ports.port import AbstractPort, AbstractTractionPort
+from jaxfsi.core.ports.port import AbstractTractionPort
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State
@@ -53,27 +53,16 @@ class Outlets:
     blocks: dict[str, AbstractElement]
     starts: dict[str, Float[Array, " _"]]
 
-    def ports(self, inlet: AbstractWaveform, names: Sequence[str]) -> dict[str, AbstractPort]:
-        """See `outlet_ports`."""
-        return dict(outlet_ports(inlet, names, self.blocks))
+    def ports(
+        self, inlet: AbstractWaveform, names: Sequence[str]
+    ) -> dict[str, AbstractTractionPort]:
+        """Condition of each opening: the aortic pressure where there is no block."""
+        blocks = ((name, self.blocks.get(name)) for name in names)
+        return {n: PressurePort(inlet) if b is None else BlockPort(b) for n, b in blocks}
 
     def starts_of(self, names: Sequence[str]) -> tuple[Float[Array, " _"] | None, ...]:
         """States in the order of the ports of a model."""
         return tuple(self.starts.get(name) for name in names)
-
-
-def outlet_ports(
-    inlet: AbstractWaveform, names: Sequence[str], blocks: Mapping[str, AbstractElement]
-) -> dict[str, AbstractTractionPort]:
-    """Condition of each opening: the aortic pressure where there is no block.
-
-    Args:
-        inlet: aortic pressure [dyn/cm²].
-        names: of the openings.
-        blocks: the block of each opening but the inlet.
-    """
-    found = ((name, blocks.get(name)) for name in names)
-    return {n: PressurePort(inlet) if b is None else BlockPort(b) for n, b in found}
 
 
 @dataclasses.dataclass(frozen=True)

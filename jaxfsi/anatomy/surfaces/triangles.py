@@ -105,9 +105,9 @@ def check_span(surface: Triangles, largest: float) -> None:
 
 
 def _loaded(path: pathlib.Path, suffix: str) -> Triangles:
-    hint = "The file may be truncated; export the surface again."
     import trimesh  # a quarter of a second to import, for surfaces alone
 
+    hint = "The file may be truncated; export the surface again."
     if suffix == ".stl":
         _check_stl(path, hint)
     try:

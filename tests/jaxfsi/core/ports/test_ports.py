@@ -283,4 +283,7 @@ def test_one_step_serves_a_ramp_and_what_follows_it():
     other = RampedPort(_BLOCK, Ramp(0.0, 0.0), jnp.asarray(False))
     case.model = eqx.tree_at(lambda m: m.ports[0], case.model, other)
     with jax.no_tracing():
-        case.after(1, state)
+        end = case.after(1, state)
+    # the block goes on from the state that the ramp left alone
+    np.testing.assert_array_equal(state.blocks[0], case.start.blocks[0])
+    assert not np.array_equal(end.blocks[0], state.blocks[0])

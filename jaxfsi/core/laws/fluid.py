@@ -177,7 +177,8 @@ def fluid_residual(
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
     """Residual of momentum [dyn] and of continuity [cm³/s] at each node.
 
-    `verification.reference_residual` is the same as on the page; `solve.tangent` is the derivative.
+    `verification.reference_residual` is the same as on the page; `solve.blood_tangent` is the
+    derivative.
 
     Args:
         u: velocity [cm/s].

@@ -25,18 +25,19 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxfsi.core.solve.blood_tangent import blood_diagonal
 from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
 from jaxfsi.core.solve.preconditioner import precondition, precondition_transposed, with_blood
 from jaxfsi.core.solve.tangent import (
     apply_elements,
     apply_elements_transposed,
-    blood_diagonal,
     step_tangent,
 )
 from jaxfsi.core.step.equations import Step, Unknowns, relinearised, residual
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import Start
 from jaxfsi.core.step.stepper import Stepper
+from lumped.parameters import Parameter
 
 LEAST_REDUCTION = 1e-4
 """Smallest relative tolerance requested of a float32 linear solve."""
@@ -48,7 +49,11 @@ SLACK = 10.0
 """A nonlinear residual of at most SLACK × tolerance is accepted without linearising again."""
 
 DIVERGED = 2.0
-"""A residual of that multiple of the extrapolated state's ends the step as a failed one."""
+"""A residual of that multiple of the one before ends an attempt, one of that multiple of the
+extrapolated state's the last attempt and the step."""
+
+LAST_ATTEMPT = 2
+"""Attempts at a step but one, see `solve_step`."""
 
 LINEAR_SHARE = 0.25
 """Share of the tolerance that the last linear system of a step may leave. What a start along the
@@ -151,13 +156,13 @@ def _scaling(model: Model, stepper: Stepper) -> _Scaling:
     return _Scaling(weight, prescribed)
 
 
-def linearised(y: Unknowns, model: Model, step: Step, stepper: Stepper):
+def linearised(y: Unknowns, model: Model, step: Step, stepper: Stepper, kept: Parameter = 1.0):
     """Products with the Jacobian about y, plain and transposed, and a preconditioner for it.
 
-    All in single precision.
+    All in single precision; for `kept` see `blood_tangent`.
     """
-    y, model, step = single((y, model, step))
-    about = step_tangent(y, model, step, stepper.method)
+    y, model, step, kept = single((y, model, step, jnp.asarray(kept)))
+    about = step_tangent(y, model, step, stepper.method, kept)
     _, unravel = ravel_pytree(y)
 
     def product(flat: Flat) -> Flat:
@@ -167,7 +172,7 @@ def linearised(y: Unknowns, model: Model, step: Step, stepper: Stepper):
         v = unravel(flat)
         return ravel_pytree(apply_elements_transposed(about, v, model, step, stepper.method))[0]
 
-    diagonal = blood_diagonal(about, model, step)
+    diagonal = blood_diagonal(about.blood, model, step.fluid_shape)
     return product, transposed, with_blood(stepper.preconditioner, diagonal)
 
 
@@ -176,6 +181,7 @@ class _Iterate(NamedTuple):
 
     Attributes:
         y: iterate after the last correction.
+        attempt: which of the attempts this is, see `solve_step`.
         norm: weighted residual before it.
         first: that of the extrapolated state.
         goal: relative tolerance of the last linear system.
@@ -187,6 +193,7 @@ class _Iterate(NamedTuple):
     """
 
     y: Flat
+    attempt: Int[Array, ""]
     norm: Float[Array, ""]
     first: Float[Array, ""]
     goal: Float[Array, ""]
@@ -205,10 +212,15 @@ def solve_step(
     A flow that accelerates leaves its linear extrapolation behind by about as much as it did in the
     step before, so each linear system is first solved along that correction.
 
-    The coefficients belong to the iterate before, so a first linear system, however exactly it is
-    solved, leaves a share of the residual. Where that share is more than the step allows, a second
-    system follows in any case, and the first is solved to half of the share only. The share is
-    known from the step before (Eisenstat & Walker 1996, SIAM J. Sci. Comput. 17:16, choice 1).
+    A first linear system, however exactly it is solved, leaves a share of the residual. Where that
+    share is more than the step allows, a second system follows in any case, and the first is solved
+    to half of the share only. The share is known from the step before (Eisenstat & Walker 1996,
+    SIAM J. Sci. Comput. 17:16, choice 1).
+
+    Where a correction makes the residual grow, there are two more attempts. The second starts from
+    the velocity and pressure of the step before: where a vortex is born at the mouth of a slit,
+    extrapolation doubles what is wrong. The third holds the coefficients of each correction, as at
+    a sudden start, where the extrapolated strong residual means nothing.
 
     Args:
         guess: linear extrapolation, by whose residual convergence is judged.
@@ -222,6 +234,8 @@ def solve_step(
     """
     scaling = _scaling(model, stepper)
     origin, unravel = ravel_pytree(guess)
+    u_before = jnp.where(model.prescribed, guess.u, step.state.u)
+    starts = jnp.stack([origin, ravel_pytree((u_before, step.state.p))[0], origin])
     along = jnp.where(scaling.prescribed, 0.0, ravel_pytree((start.u, start.p))[0])
     # Where the extrapolated state is exact already, only round-off is left to reduce: the forces
     # that cancel, on the scale of the residuals, times the precision.
@@ -243,30 +257,36 @@ def solve_step(
         first = jnp.where(n_newton == 0, jnp.maximum(norm, floor), s.first)
         allowed = stepper.tolerance * first
         left = jnp.maximum(norm / s.norm - s.goal, 0.0)
-        remainder = jnp.where(n_newton == 1, left, s.remainder)
+        remainder = jnp.where((n_newton == 1) & (s.attempt == 0), left, s.remainder)
         asks = norm > jnp.where(s.loose, LINEAR_SHARE, SLACK) * allowed
-        asks &= norm <= DIVERGED * first
+        grows = (n_newton > 0) & (norm > DIVERGED * s.norm)
+        restart = asks & grows & (s.attempt < LAST_ATTEMPT)
+        attempt = s.attempt + restart
+        asks &= (s.attempt < LAST_ATTEMPT) | (norm <= DIVERGED * first)
 
         def correct():
             tight = jnp.maximum(LINEAR_SHARE * allowed / norm, LEAST_REDUCTION)
             again = (n_newton == 0) & (remainder * norm > SLACK * allowed)
             goal = jnp.where(again, jnp.clip(0.5 * remainder, tight, LOOSEST), tight)
+            kept = jnp.where(attempt < LAST_ATTEMPT, 1.0, 0.0)
             with jax.named_scope("tangent"):
-                product, _, M = linearised(y, model, here, stepper)
+                product, _, M = linearised(y, model, here, stepper, kept)
             with jax.named_scope("linear_solve"):
                 inverse = partial(precondition, M)
                 dy, n = scaling.correction(product, inverse, r, goal, stepper.max_linear, along)
             return s.y - dy, goal, goal > tight, n
 
         def stay():
-            return s.y, s.goal, s.loose, jnp.zeros((), int)
+            return jnp.where(restart, starts[attempt], s.y), s.goal, s.loose, jnp.zeros((), int)
 
-        more = asks & (n_newton < stepper.max_nonlinear)
+        more = asks & ~restart & (n_newton < stepper.max_nonlinear)
         y, goal, loose, n = jax.lax.cond(more, correct, stay)
-        return _Iterate(y, norm, first, goal, loose, remainder, asks, n_newton, s.n_gmres + n)
+        n_gmres = s.n_gmres + n
+        n_newton = n_newton - restart  # nothing was solved
+        return _Iterate(y, attempt, norm, first, goal, loose, remainder, asks, n_newton, n_gmres)
 
     zero, one, no = jnp.zeros((), int), jnp.ones(()), jnp.asarray(False)
-    begun = _Iterate(origin, one, one, 0.0 * one, no, start.remainder, ~no, zero - 1, zero)
+    begun = _Iterate(origin, zero, one, one, 0.0 * one, no, start.remainder, ~no, zero - 1, zero)
     end = jax.lax.while_loop(proceed, evaluate, begun)
     y = unravel(end.y)
     told = Start(y.u - guess.u, y.p - guess.p, end.remainder)

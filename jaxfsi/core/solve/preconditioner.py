@@ -188,7 +188,7 @@ def preconditioner(
 def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeometry) -> _Blocks:
     """Blocks of the step with the blood at rest, three velocities a node in A_wall.
 
-    The equations are those of `laws.fluid` and `solve.tangent`.
+    The equations are those of `laws.fluid` and `solve.blood_tangent`.
     """
     points = np.asarray(model.x).T
     n_nodes = len(points)

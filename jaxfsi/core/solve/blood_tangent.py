@@ -127,19 +127,7 @@ def blood_tangent(
     grad, V = shape
     rho, tau, mu = model.blood.rho_f, k.tau_momentum, k.mu
     c = vector_corners(k.c, model.fluid_tets)
-    sum_c = [total(component) for component in c]
-    # ∫ c_j N_b, ∫ c_j c_k, ∫ (c + u′)_j over the element, and c·∇N_b with the mean c
-    c_value = [[V / 20.0 * (c[j][b] + sum_c[j]) for b in range(4)] for j in range(3)]
-    cc = [
-        [
-            V / 20.0 * (added(c[i][b] * c[j][b] for b in range(4)) + sum_c[i] * sum_c[j])
-            for j in range(3)
-        ]
-        for i in range(3)
-    ]
-    advected = [V * (sum_c[j] / 4.0 + k.subscale[j]) for j in range(3)]
-    along = [added(sum_c[j] / 4.0 * grad[j][b] for j in range(3)) for b in range(4)]
-    c_value, cc, advected, along = fusion_barrier((c_value, cc, advected, along), shape)
+    c_value, cc, advected, along = _advection(c, step)
     # ∫ ρ c* (w_a N_b + w_u c·∇N_b)
     inertia = [
         [
@@ -153,14 +141,14 @@ def blood_tangent(
     ]
     inertia = fusion_barrier(inertia, shape)
     A, upwind = [], []
-    for a in range(4):
-        test = [c_value[j][a] + V / 4.0 * k.subscale[j] for j in range(3)]
-        upwind.append(w_u * rho * tau * added(grad[j][a] * advected[j] for j in range(3)))
+    for m in range(4):
+        test = [c_value[j][m] + V / 4.0 * k.subscale[j] for j in range(3)]
+        upwind.append(w_u * rho * tau * added(grad[j][m] * advected[j] for j in range(3)))
         for b in range(4):
-            share = float(MASS[a, b])
+            share = float(MASS[m, b])
             galerkin = w_a * share * V + w_u * added(test[j] * grad[j][b] for j in range(3))
-            stabilised = tau * added(grad[j][a] * inertia[j][b] for j in range(3))
-            laplace = w_u * V * added(grad[j][a] * grad[j][b] for j in range(3))
+            stabilised = tau * added(grad[j][m] * inertia[j][b] for j in range(3))
+            laplace = w_u * V * added(grad[j][m] * grad[j][b] for j in range(3))
             A.append(rho * (galerkin + stabilised) + mu * laplace)
     strong_residual = tuple(tau * rho * V * (w_a / 4.0 + w_u * along[b]) for b in range(4))
     gradients = velocity_gradient(u, model.fluid_tets, shape)
@@ -176,6 +164,24 @@ def blood_tangent(
         coefficients=_coefficient_tangent(c, acceleration, gradients, model, step, w_u, kept),
     )
     return fusion_barrier(found, shape)
+
+
+def _advection(c: Sequence[Corners], step: Step):
+    """∫ c_j N_b, ∫ c_j c_k, ∫ (c + u′)_j over the element, and c·∇N_b with the mean c."""
+    shape, subscale = step.fluid_shape, step.coefficients.subscale
+    grad, V = shape
+    sum_c = [total(component) for component in c]
+    c_value = [[V / 20.0 * (c[j][b] + sum_c[j]) for b in range(4)] for j in range(3)]
+    cc = [
+        [
+            V / 20.0 * (added(c[i][b] * c[j][b] for b in range(4)) + sum_c[i] * sum_c[j])
+            for j in range(3)
+        ]
+        for i in range(3)
+    ]
+    advected = [V * (sum_c[j] / 4.0 + subscale[j]) for j in range(3)]
+    along = [added(sum_c[j] / 4.0 * grad[j][b] for j in range(3)) for b in range(4)]
+    return fusion_barrier((c_value, cc, advected, along), shape)
 
 
 def _coefficient_tangent(
@@ -244,32 +250,39 @@ def apply_blood(blood: BloodTangent, v: Unknowns, model: Model, shape: Geometry)
     ]
     # of c*, over the element
     carried = [blood.mean * sums[j] - strong_residual[j] for j in range(3)]
-    volume_rate = blood.mean * divergence
-    known = (gradients, forcing, reaction, hydrostatic, strong_residual, carried, volume_rate)
-    known = fusion_barrier(known, shape)
-    gradients, forcing, reaction, hydrostatic, strong_residual, carried, volume_rate = known
     apart = [[component[b] - component[0] for b in LAST] for component in velocity]
-    rows = []
-    for i in range(3):
-        stress = [
+    stress = [
+        [
             blood.shear * gradients[j][i]
             + change.mean_strong[i] * carried[j]
             + added(change.strong[i][b] * apart[j][b] for b in range(3))
             for j in range(3)
         ]
-        stress[i] = stress[i] + hydrostatic
-        varying = [added(blood.reaction[i][j] * apart[j][b] for j in range(3)) for b in range(3)]
+        for i in range(3)
+    ]
+    for i in range(3):
+        stress[i][i] = stress[i][i] + hydrostatic
+    uniform = [
+        0.8 * blood.mean * reaction[i]
+        - 0.25 * added(blood.reaction[i][j] * strong_residual[j] for j in range(3))
+        for i in range(3)
+    ]
+    volume_rate = blood.mean * divergence
+    known = (stress, forcing, uniform, strong_residual, volume_rate)
+    stress, forcing, uniform, strong_residual, volume_rate = fusion_barrier(known, shape)
+    rows = []
+    for i in range(3):
+        carries = [added(blood.reaction[i][j] * velocity[j][b] for j in range(3)) for b in range(4)]
+        varying = [carries[b] - carries[0] for b in LAST]
         crossed = [added(change.crossing[a][b] * varying[b] for b in range(3)) for a in range(3)]
         crossed = [-added(crossed), *crossed]
-        by_subscale = added(blood.reaction[i][j] * strong_residual[j] for j in range(3))
-        uniform = 0.8 * blood.mean * reaction[i] - 0.25 * by_subscale
         force = tuple(
             added(blood.A[4 * a + b] * velocity[i][b] for b in range(4))
             + blood.upwind[a] * forcing[i]
-            + added(grad[j][a] * stress[j] for j in range(3))
+            + added(grad[j][a] * stress[i][j] for j in range(3))
             + crossed[a]
-            + uniform
-            + 0.2 * blood.mean * added(blood.reaction[i][j] * velocity[j][a] for j in range(3))
+            + uniform[i]
+            + 0.2 * blood.mean * carries[a]
             for a in range(4)
         )
         rows.append(scatter(force, tets, n))
@@ -289,26 +302,10 @@ def apply_blood_transposed(
     gradients = [gradient(component, shape) for component in velocity]
     grad_p = gradient(pressure, shape)
     divergence = gradients[0][0] + gradients[1][1] + gradients[2][2]
-    sums = [total(component) for component in velocity]
     hydrostatic = blood.spread * divergence + blood.mean * total(pressure)
-    carried = [added(change.mean_strong[i] * gradients[i][j] for i in range(3)) for j in range(3)]
-    strong_residual = [
-        grad_p[j] - carried[j] - 0.25 * added(blood.reaction[i][j] * sums[i] for i in range(3))
-        for j in range(3)
-    ]
-    forcing = [
-        added(blood.upwind[a] * velocity[i][a] for a in range(4)) + blood.least * strong_residual[i]
-        for i in range(3)
-    ]
-    slower = added(change.mean_strong[i] * forcing[i] for i in range(3))
-    slower = 0.25 * (slower + change.swelling * divergence)
-    pull = [0.25 * forcing[i] + 0.2 * blood.mean * sums[i] for i in range(3)]
-    uniform = [
-        added(blood.reaction[i][j] * pull[i] for i in range(3))
-        + change.slowing[j] * slower
-        + blood.mean * carried[j]
-        for j in range(3)
-    ]
+    strong_residual, forcing, uniform = _strong_transposed(
+        blood, velocity, grad_p, gradients, divergence
+    )
     volume_rate = blood.mean * divergence
     known = (gradients, strong_residual, forcing, uniform, hydrostatic, volume_rate)
     known = fusion_barrier(known, shape)
@@ -344,6 +341,31 @@ def apply_blood_transposed(
         added(grad[i][b] * forcing[i] for i in range(3)) - volume_rate for b in range(4)
     )
     return Unknowns(jnp.stack(rows), scatter(continuity, tets, n))
+
+
+def _strong_transposed(blood: BloodTangent, velocity, grad_p, gradients, divergence):
+    """What reaches the strong residual, the forcing and all corners alike."""
+    change = blood.coefficients
+    sums = [total(component) for component in velocity]
+    carried = [added(change.mean_strong[i] * gradients[i][j] for i in range(3)) for j in range(3)]
+    strong_residual = [
+        grad_p[j] - carried[j] - 0.25 * added(blood.reaction[i][j] * sums[i] for i in range(3))
+        for j in range(3)
+    ]
+    forcing = [
+        added(blood.upwind[a] * velocity[i][a] for a in range(4)) + blood.least * strong_residual[i]
+        for i in range(3)
+    ]
+    slower = added(change.mean_strong[i] * forcing[i] for i in range(3))
+    slower = 0.25 * (slower + change.swelling * divergence)
+    pull = [0.25 * forcing[i] + 0.2 * blood.mean * sums[i] for i in range(3)]
+    uniform = [
+        added(blood.reaction[i][j] * pull[i] for i in range(3))
+        + change.slowing[j] * slower
+        + blood.mean * carried[j]
+        for j in range(3)
+    ]
+    return strong_residual, forcing, uniform
 
 
 def blood_diagonal(

@@ -138,14 +138,42 @@ def test_step_that_is_too_long_is_not_converged(model, stepper):
 
 
 @pytest.mark.parametrize(("limit", "n_newton"), [(newton.DIVERGED, 4), (0.5, 0)])
-def test_step_ends_where_its_residual_is_beyond_the_limit(monkeypatch, model, limit, n_newton):
+def test_last_attempt_ends_where_its_residual_is_beyond_the_limit(
+    monkeypatch, model, limit, n_newton
+):
     """A tight step takes some systems; below one, the extrapolated state itself is beyond."""
     monkeypatch.setattr(newton, "DIVERGED", limit)
+    monkeypatch.setattr(newton, "LAST_ATTEMPT", 0)
     stepper = prepare(DT, model, tolerance=1e-7, max_nonlinear=4)
     _, report = advance_step(model, initial_state(model), stepper)
     assert int(report.n_newton) <= n_newton
     assert (report.result == RESULTS.not_converged) == (limit < 1.0)
     assert (float(report.residual) == 1.0) == (limit < 1.0)
+
+
+def test_step_starts_anew_where_corrections_make_its_residual_grow(monkeypatch, model, stepper):
+    """With a derivative that is wrong until the coefficients are held."""
+    state = march(model, initial_state(model), stepper, 2).state
+    right, report = advance_step(model, state, stepper)
+    starts = []
+
+    def wrong(y, model, step, stepper, kept=1.0):
+        product, transposed, M = linearised(y, model, step, stepper, kept)
+        scale = jnp.where(kept > 0.0, -0.2, 1.0).astype(jnp.float32)
+        jax.debug.callback(lambda kept, p: starts.append((float(kept), np.sum(p))), kept, y.p)
+        return lambda v: scale * product(v), transposed, M
+
+    linearised = newton.linearised
+    monkeypatch.setattr(newton, "linearised", wrong)
+    found, slow = advance_step(model, state, stepper)
+    assert slow.result == RESULTS.successful
+    # two attempts of one system each, which do not start from the same state, and the last
+    assert int(slow.n_newton) >= int(report.n_newton) + 2
+    jax.effects_barrier()
+    assert [kept for kept, _ in starts[:3]] == [1.0, 1.0, 0.0]
+    assert starts[0][1] == starts[2][1] != starts[1][1]
+    change = float(jnp.linalg.norm(right.u - state.u))
+    assert float(jnp.linalg.norm(found.u - right.u)) < 0.01 * change
 
 
 def test_march_raises_with_the_step_and_the_cure(model, stepper):

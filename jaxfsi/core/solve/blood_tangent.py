@@ -18,7 +18,8 @@ residual s = ρ (a + c·∇u) + ∇p and c = u − u_mesh::
     δτ/τ = −w_u (ρτ)² v·G c,   δτ_C/τ_C = w_u v·G c/s²,   δu′ = −δ(τ s)
 
 Without these, corrections in a slit where steps cross ten elements diverge; with all, one brings
-the residual down to a few thousandths. The derivative of the viscosity is neglected.
+the residual down to a few thousandths. The derivative of the viscosity is neglected, and of what
+δτ multiplies all but the mean on each element.
 
 Element by element the sixteen entries of A and the factors of all else are stored. A field f that
 varies over an element, c or s, is kept as its mean and, of the last three corners, the differences
@@ -343,8 +344,14 @@ def apply_blood_transposed(
     return Unknowns(jnp.stack(rows), scatter(continuity, tets, n))
 
 
-def _strong_transposed(blood: BloodTangent, velocity, grad_p, gradients, divergence):
-    """What reaches the strong residual, the forcing and all corners alike."""
+def _strong_transposed(
+    blood: BloodTangent,
+    velocity: Sequence[Corners],
+    grad_p: Sequence[Float[Array, " tets"]],
+    gradients: Sequence[Sequence[Float[Array, " tets"]]],
+    divergence: Float[Array, " tets"],
+):
+    """What reaches the strong residual, the forcing, and all corners alike."""
     change = blood.coefficients
     sums = [total(component) for component in velocity]
     carried = [added(change.mean_strong[i] * gradients[i][j] for i in range(3)) for j in range(3)]

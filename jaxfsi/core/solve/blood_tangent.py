@@ -36,7 +36,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.assembly import MASS
 from jaxfsi.core.elements.linear import (
@@ -162,7 +162,9 @@ def blood_tangent(
         mean=0.25 * w_u * V,
         least=w_u * V * tau,
         reaction=tuple(tuple(rho * entry for entry in row) for row in gradients),
-        coefficients=_coefficient_tangent(c, acceleration, gradients, model, step, w_u, kept),
+        coefficients=_coefficient_tangent(
+            c, along, acceleration, gradients, model, step, w_u, kept
+        ),
     )
     return fusion_barrier(found, shape)
 
@@ -187,6 +189,7 @@ def _advection(c: Sequence[Corners], step: Step):
 
 def _coefficient_tangent(
     c: Sequence[Corners],
+    along: Sequence[Float[Array, " tets"]],
     acceleration: Sequence[Corners],
     grad_u: Sequence[Sequence[Float[Array, " tets"]]],
     model: Model,
@@ -196,7 +199,6 @@ def _coefficient_tangent(
 ) -> CoefficientTangent:
     k, (grad, V) = step.coefficients, step.fluid_shape
     rho, tau = model.blood.rho_f, k.tau_momentum
-    mean_c = [total(component) / 4.0 for component in c]
     apart_c = [_apart(component) for component in c]
     # the gradient of p is the same all over an element
     apart_s = [
@@ -207,10 +209,10 @@ def _coefficient_tangent(
         for i, apart_a in enumerate(_apart(component) for component in acceleration)
     ]
     scale = kept * w_u * rho * tau * V / 20.0
-    along = [added(grad[j][b] * mean_c[j] for j in range(3)) for b in LAST]
-    metric_c = [added(grad[j][b] * along[n] for n, b in enumerate(LAST)) for j in range(3)]
-    # s² by τ_C = ρ s/tr G
+    metric_c = [added(grad[j][b] * along[b] for b in LAST) for j in range(3)]
+    # s² by τ_C = ρ s/tr G; zero where blood without viscosity is at rest
     rate = k.tau_continuity * added(grad[j][b] ** 2 for j in range(3) for b in LAST) / rho
+    rate = jnp.where(rate > 0.0, rate, 1.0)
     divergence = grad_u[0][0] + grad_u[1][1] + grad_u[2][2]
     return CoefficientTangent(
         crossing=tuple(
@@ -230,14 +232,20 @@ def _apart(values: Corners) -> list[Float[Array, " tets"]]:
     return [values[b] - mean for b in LAST]
 
 
-def apply_blood(blood: BloodTangent, v: Unknowns, model: Model, shape: Geometry) -> Unknowns:
-    """Product of the blood's tangent and a change of velocity and pressure."""
-    change = blood.coefficients
-    tets, n, grad = model.fluid_tets, model.n_nodes, shape.grad
+def _on_elements(v: Unknowns, tets: Int[Array, "4 tets"], shape: Geometry):
+    """Velocity and pressure at the corners, their gradients, and the divergence."""
     velocity, pressure = vector_corners(v.u, tets), corners(v.p, tets)
     gradients = [gradient(component, shape) for component in velocity]
     grad_p = gradient(pressure, shape)
     divergence = gradients[0][0] + gradients[1][1] + gradients[2][2]
+    return velocity, pressure, gradients, grad_p, divergence
+
+
+def apply_blood(blood: BloodTangent, v: Unknowns, model: Model, shape: Geometry) -> Unknowns:
+    """Product of the blood's tangent and a change of velocity and pressure."""
+    change = blood.coefficients
+    tets, n, grad = model.fluid_tets, model.n_nodes, shape.grad
+    velocity, pressure, gradients, grad_p, divergence = _on_elements(v, tets, shape)
     sums = [total(component) for component in velocity]
     slower = 0.25 * added(change.slowing[j] * sums[j] for j in range(3))
     hydrostatic = blood.spread * divergence - blood.mean * total(pressure)
@@ -299,10 +307,7 @@ def apply_blood_transposed(
     """Product of the transposed tangent of the blood and v."""
     change = blood.coefficients
     tets, n, grad = model.fluid_tets, model.n_nodes, shape.grad
-    velocity, pressure = vector_corners(v.u, tets), corners(v.p, tets)
-    gradients = [gradient(component, shape) for component in velocity]
-    grad_p = gradient(pressure, shape)
-    divergence = gradients[0][0] + gradients[1][1] + gradients[2][2]
+    velocity, pressure, gradients, grad_p, divergence = _on_elements(v, tets, shape)
     hydrostatic = blood.spread * divergence + blood.mean * total(pressure)
     strong_residual, forcing, uniform = _strong_transposed(
         blood, velocity, grad_p, gradients, divergence

@@ -1,7 +1,7 @@
 """The equations of a step solved, and the derivative of their solution.
 
-Newton's method with GMRES, started from the extrapolated state, on the tangent of `tangent` in
-single precision. One solve is often enough; the residual is evaluated again in double precision,
+Newton's method with GMRES, started from the extrapolated state, on `tangent.StepTangent` in single
+precision. One solve is often enough; the residual is evaluated again in double precision,
 and a correction follows where it asks for one. In a slit, where steps of 2 ms cross ten elements,
 a correction brings the residual down to a few thousandths with the whole derivative, to a fifth
 with that of the advecting velocity alone, and to two thirds without either. Residuals are weighted
@@ -54,7 +54,7 @@ DIVERGED = 2.0
 extrapolated state's the last attempt and the step."""
 
 LAST_ATTEMPT = 2
-"""Attempts at a step but one, see `solve_step`."""
+"""Number of the last attempt at a step, the first being 0; see `solve_step`."""
 
 LINEAR_SHARE = 0.25
 """Share of the tolerance that the last linear system of a step may leave. What a start along the

@@ -195,6 +195,14 @@ def test_tangent_knows_the_change_of_the_coefficients(u_mesh, tolerance):
         assert float(jnp.linalg.norm(e - f)) < tolerance * added
 
 
+def test_tangent_of_blood_without_viscosity_at_rest_is_finite():
+    model = eqx.tree_at(lambda m: m.blood.viscosity, _part("rigid"), Newtonian(0.0))
+    state = initial_state(model)
+    step = begin_step(jnp.asarray(DT), model, state, METHOD, None)
+    tangent = step_tangent(Unknowns(state.u, state.p), model, step, METHOD)
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(tangent))
+
+
 def _part(kind: str):
     """The coupled model, its blood alone or its wall alone."""
     material = NeoHookean(3e6, 0.45)

@@ -21,15 +21,22 @@ Values = Float[Array, "columns nodes"]
 
 def neighbours(tets: Int[np.ndarray, "tets 4"], n_nodes: int) -> Int[np.ndarray, "columns nodes"]:
     """Node of each column for linear elements; the node itself where a column is not used."""
-    tets = tets.astype(np.int64)  # the square of the number of nodes has to fit
     row, column = np.repeat(tets, 4, axis=1).ravel(), np.tile(tets, (1, 4)).ravel()
-    rows, columns = np.divmod(np.unique(row * n_nodes + column), n_nodes)
-    first = np.searchsorted(rows, np.arange(n_nodes))
-    rank = np.arange(len(rows)) - first[rows]
+    return columns_of_pairs(row, column, n_nodes)[0]
+
+
+def columns_of_pairs(
+    row: Int[np.ndarray, " pairs"], column: Int[np.ndarray, " pairs"], n_nodes: int
+) -> tuple[Int[np.ndarray, "columns nodes"], Int[np.ndarray, " pairs"]]:
+    """Node of each column as in `neighbours`, and the column in which each pair of nodes lies."""
+    # the square of the number of nodes has to fit
+    pairs, which = np.unique(row.astype(np.int64) * n_nodes + column, return_inverse=True)
+    rows, columns = np.divmod(pairs, n_nodes)
+    rank = np.arange(len(rows)) - np.searchsorted(rows, np.arange(n_nodes))[rows]
     n_columns = int(rank.max(initial=-1)) + 1
     neighbour = np.tile(np.arange(n_nodes), (n_columns, 1))
     neighbour[rank, rows] = columns
-    return neighbour
+    return neighbour, rank[which]
 
 
 def columns_of(

@@ -5,20 +5,21 @@ the upper triangular approximate inverse is::
 
     z_p = S⁻¹ r_p,   z_u = Â⁻¹ (r_u − G z_p)
 
-Â is a factor of the wall's block with the blood's share of its nodes, and the diagonal of A in the
-blood. The least-squares stabilisation τ_C is part of A: where it has the time scale of the step in
-it, it is of the size of inertia, and without it there are three times as many iterations. S takes
-for A in the blood the diagonal and `SMOOTH` lumped masses: a velocity that a pressure drives is
-smooth, and on it the consistent mass acts as the lumped one, two and a half times its diagonal;
-what upwinding adds where flow crosses ten elements in a step makes it five times. On the interface
-S has the wall's response to a uniform pressure, node by node; that of a wall that bends is found
-with its whole tangent, since the vertices alone yield half as much. G has the forces of the
-pressure on mid-edge modes: without them the coupled tube with a quadratic wall takes 15 iterations
-where it takes 9 with the exact inverse of the wall.
+Â is a factor of the wall's block with the blood's share of its nodes, and in the blood relaxation
+with the diagonal of A, and with its scalar operator where flow crosses elements (`relaxation`). The
+least-squares stabilisation τ_C is part of A: where it has the time scale of the step in it, it is
+of the size of inertia, and without it there are three times as many iterations. S takes for A in
+the blood the diagonal and `SMOOTH` lumped masses: a velocity that a pressure drives is smooth, and
+on it the consistent mass acts as the lumped one, two and a half times its diagonal; what upwinding
+adds where flow crosses ten elements in a step makes it five times. On the interface S has the
+wall's response to a uniform pressure, node by node; that of a wall that bends is found with its
+whole tangent, since the vertices alone yield half as much. G has the forces of the pressure on
+mid-edge modes: without them the coupled tube with a quadratic wall takes 15 iterations where it
+takes 9 with the exact inverse of the wall.
 
-Everything is assembled once at the reference shape with the blood at rest, but for the diagonal in
-the blood, which each linear system renews (`with_blood`): where flow crosses ten elements in a step
-its stabilisation is forty times inertia, and a patient's systole takes 37 iterations with the
+Everything is assembled once at the reference shape with the blood at rest, but for the relaxation
+in the blood, which each linear system renews (`with_blood`): where flow crosses ten elements in a
+step its stabilisation is forty times inertia, and a patient's systole takes 37 iterations with the
 diagonal at rest, 19 with its own. S with the diagonal at that flow is worse than at rest (31, 41,
 32, 32 iterations in four phases of a patient's stressed beat, 21, 41, 31, 30 at rest): the large
 diagonal belongs to velocities that alternate from node to node. With the lumped masses it takes 23,
@@ -57,6 +58,13 @@ from jaxfsi.core.solve.nested_factor import (
     nested_factor,
     nested_solve,
     nested_solve_once,
+)
+from jaxfsi.core.solve.relaxation import (
+    Relaxation,
+    relaxation,
+    relaxed,
+    renewed,
+    transposed,
 )
 from jaxfsi.core.solve.wall_blocks import edge_blocks, vertex_block
 from jaxfsi.core.solve.wall_factor import (
@@ -109,6 +117,7 @@ class Preconditioner(eqx.Module):
     Attributes:
         wall: approximate inverse of the wall's block.
         inverse_diagonal: of A at the blood's own nodes, 0 elsewhere; at rest until renewed.
+        relaxation: of the velocity there; the diagonal alone until renewed.
         pressure: factor of S.
         pressure_nodes: nodes that carry a pressure.
         neighbour: nodes of the columns of the following, see `stencil.neighbours`.
@@ -121,6 +130,7 @@ class Preconditioner(eqx.Module):
 
     wall: WallFactor
     inverse_diagonal: Float[Array, "3 nodes"]
+    relaxation: Relaxation
     pressure: NestedFactor
     pressure_nodes: Int[Array, " wet"]
     neighbour: Int[Array, "columns nodes"]
@@ -172,6 +182,7 @@ def preconditioner(
     return Preconditioner(
         wall,
         jnp.asarray(inverse_diagonal.T, dtype),
+        relaxation(fluid, free_fluid, dtype=dtype),
         nested_factor(S, points=points[wet], dtype=dtype),
         jnp.asarray(wet, jnp.int32),
         jnp.asarray(neighbour, jnp.int32),
@@ -299,14 +310,27 @@ def _yielding(wall: WallFactor, push: Float[Array, "3 nodes"]) -> Float[Array, "
     return found.x.reshape(push.shape)
 
 
-def with_blood(M: Preconditioner, diagonal: Sequence[Float[Array, " nodes"]]) -> Preconditioner:
-    """The preconditioner with another diagonal of A at the blood's own nodes, by component."""
+def with_blood(
+    M: Preconditioner,
+    diagonal: Sequence[Float[Array, " nodes"]],
+    A: tuple[Float[Array, " tets"], ...],
+) -> Preconditioner:
+    """The preconditioner with another A at the blood's own nodes.
+
+    Args:
+        M: with any.
+        diagonal: of A, by component.
+        A: entries of its scalar operator, see `relaxation.renewed`.
+    """
     known = M.inverse_diagonal
     inverse = jnp.stack(
         [jnp.where(d > 0.0, 1.0 / jnp.where(d > 0.0, d, 1.0), 0.0) for d in diagonal]
     )
-    renewed = jnp.where((known > 0.0) & (inverse > 0.0), inverse.astype(known.dtype), known)
-    return eqx.tree_at(lambda m: m.inverse_diagonal, M, renewed)
+    inverse = jnp.where((known > 0.0) & (inverse > 0.0), inverse.astype(known.dtype), known)
+    own = M.relaxation.nodes
+    stiffened = jnp.mean(known[:, own] / inverse[:, own])
+    blood = renewed(M.relaxation, A, stiffened)
+    return eqx.tree_at(lambda m: (m.inverse_diagonal, m.relaxation), M, (inverse, blood))
 
 
 def _weak_gradient(M: Preconditioner, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
@@ -325,7 +349,7 @@ def _weak_gradient_transposed(
 
 
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
-    return r * M.inverse_diagonal + wall_solve(M.wall, r)
+    return relaxed(M.relaxation, M.inverse_diagonal, r) + wall_solve(M.wall, r)
 
 
 def _pressure_solve(M: Preconditioner, r: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
@@ -350,6 +374,7 @@ def precondition_transposed(
     """Apply the transpose of `precondition`; S is symmetric."""
     dtype = M.inverse_diagonal.dtype
     r = r_u.astype(dtype)
-    z_u = r * M.inverse_diagonal + wall_solve_transposed(M.wall, r)
+    own = relaxed(transposed(M.relaxation), M.inverse_diagonal, r)
+    z_u = own + wall_solve_transposed(M.wall, r)
     z_p = _pressure_solve(M, r_p.astype(dtype) - _weak_gradient_transposed(M, z_u))
     return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)

@@ -82,8 +82,14 @@ def relaxation(
     k, i = np.nonzero(neighbour != np.arange(len(nodes)))
     _, back = columns_of_pairs(neighbour[k, i], i, len(nodes))
     mirror[k, i] = back * len(nodes) + neighbour[k, i]
-    places = (jnp.asarray(a, jnp.int32) for a in (nodes, neighbour, entry.T, mirror))
-    return Relaxation(*places, jnp.zeros(neighbour.shape, dtype), jnp.zeros((), jnp.int32))
+    return Relaxation(
+        jnp.asarray(nodes, jnp.int32),
+        jnp.asarray(neighbour, jnp.int32),
+        jnp.asarray(entry.T, jnp.int32),
+        jnp.asarray(mirror, jnp.int32),
+        jnp.zeros(neighbour.shape, dtype),
+        jnp.zeros((), jnp.int32),
+    )
 
 
 def renewed(

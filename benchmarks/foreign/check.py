@@ -57,7 +57,7 @@ def read_answers(file: pathlib.Path, records: Collection[str]) -> dict[str, Entr
         fault = _fault(entry)
         if fault:
             raise ValueError(f"{file.name}, record {record}: {fault}")
-    return answers
+    return {record: {"named": [], **entry} for record, entry in answers.items()}
 
 
 def _no_name_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -73,13 +73,15 @@ def _fault(entry: Any) -> str:
     """What is wrong with an entry; empty if nothing is."""
     if not isinstance(entry, dict):
         return "the entry has to be an object."
-    for key in ("verdict", "named", "probabilities"):
+    for key in ("verdict", "probabilities"):
         if key not in entry:
             return f"'{key}' is missing."
     if entry["verdict"] not in VERDICTS:
         return f"verdict {entry['verdict']!r} (allowed: {', '.join(VERDICTS)})."
+    if entry["verdict"] == "named" and "named" not in entry:
+        return "the verdict is 'named', and 'named' is missing."
     return (
-        _fault_of_names(entry["verdict"], entry["named"])
+        _fault_of_names(entry["verdict"], entry.get("named", []))
         or _fault_of_probabilities(entry["probabilities"])
         or ("held_out_rms_mmHg" in entry and _fault_of_errors(entry["held_out_rms_mmHg"]))
         or ""
@@ -106,6 +108,7 @@ def _fault_of_effects(names: list[Any], where: str) -> str:
 def _fault_of_probabilities(p: Any) -> str:
     if not isinstance(p, dict) or not p:
         return "'probabilities' has to be an object with a number for each hypothesis."
+    known: dict[frozenset[str], str] = {}
     for hypothesis, value in p.items():
         if not _number(value) or not 0.0 <= value <= 1.0 + ROUNDED:
             return f"probability {value!r} of '{hypothesis}' (allowed: 0 to 1)."
@@ -113,6 +116,9 @@ def _fault_of_probabilities(p: Any) -> str:
             fault = _fault_of_effects(hypothesis.split("+"), "probabilities")
             if fault:
                 return fault
+        same = known.setdefault(frozenset(hypothesis.split("+")), hypothesis)
+        if same != hypothesis:
+            return f"'{same}' and '{hypothesis}' are one hypothesis (allowed: one of them)."
     if abs(sum(p.values()) - 1.0) > ROUNDED:
         return f"the probabilities sum to {sum(p.values()):.4g} (allowed: 1)."
     return ""

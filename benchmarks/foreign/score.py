@@ -42,10 +42,16 @@ def joined(folder: pathlib.Path, name: str) -> list[Row]:
         name: of the method: `answers-NAME.json` lies in the folder.
 
     Raises:
-        ValueError: an answer is not as it has to be, see `read_answers`.
+        ValueError: there are no answers, or one is not as it has to be, see `read_answers`.
     """
     labels = labels_of(folder)
-    answers = read_answers(folder / f"answers-{name}.json", labels)
+    file = folder / f"answers-{name}.json"
+    if not file.is_file():
+        raise ValueError(
+            f"{folder} has no {file.name}. A method called NAME writes answers-NAME.json; those of"
+            " the project are written by `python -m benchmarks.foreign answer`."
+        )
+    answers = read_answers(file, labels)
     rows = []
     for record, answer in sorted(answers.items()):
         label = labels[record]
@@ -63,8 +69,18 @@ def joined(folder: pathlib.Path, name: str) -> list[Row]:
 
 
 def labels_of(folder: pathlib.Path) -> dict[str, Row]:
-    """Labels of a set by record."""
-    return json.loads((folder / "labels.json").read_text(encoding="utf-8"))["records"]
+    """Labels of a set by record.
+
+    Raises:
+        ValueError: the folder is no set.
+    """
+    file = folder / "labels.json"
+    if not file.is_file():
+        raise ValueError(
+            f"{folder} is no set: it has no {file.name}. `python -m benchmarks.foreign make` makes"
+            " one."
+        )
+    return json.loads(file.read_text(encoding="utf-8"))["records"]
 
 
 def _without(answer: Row, effect: str) -> Row:
@@ -93,9 +109,11 @@ def inclusion(row: Row) -> dict[str, float]:
 
 
 def ranked_first(row: Row) -> str:
-    """The likeliest effect; empty where none has a probability."""
+    """The likeliest effect; empty where none has a probability, or several the largest."""
     found = inclusion(row)
-    return max(found, key=lambda name: found[name], default="")
+    most = max(found.values(), default=0.0)
+    first = [name for name, p in found.items() if p == most]
+    return first[0] if most > 0.0 and len(first) == 1 else ""
 
 
 def calibration(rows: list[Row]) -> float:

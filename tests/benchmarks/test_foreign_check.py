@@ -31,6 +31,10 @@ FAULTS = {
     "one error": ({"held_out_rms_mmHg": [1.0]}, "two errors"),
     "an error below zero": ({"held_out_rms_mmHg": [1.0, -1.0]}, "two errors"),
     "no verdict": ({"verdict": None}, "verdict None"),
+    "one pair in two orders": (
+        {"probabilities": {"inertance+wire_drift": 0.5, "wire_drift+inertance": 0.5}},
+        "'inertance+wire_drift' and 'wire_drift+inertance' are one hypothesis",
+    ),
 }
 
 
@@ -53,6 +57,35 @@ def test_a_good_answer_is_read_as_it_is(tmp_path):
     file = _written(tmp_path, {"0000": GOOD})
     assert read_answers(file, ["0000", "0001"]) == {"0000": GOOD}
     assert "| answered | 1 of 2 |" in table([tmp_path], "own")
+
+
+def test_names_may_be_left_out_where_nothing_is_named(tmp_path):
+    entry = {key: value for key, value in GOOD.items() if key != "named"}
+    file = _written(tmp_path, {"0000": {**entry, "verdict": "ambiguous"}})
+    assert read_answers(file, ["0000"])["0000"]["named"] == []
+    file = _written(tmp_path, {"0000": entry})
+    with pytest.raises(ValueError, match="'named' is missing"):
+        read_answers(file, ["0000"])
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "first"),
+    [
+        ({"inertance": 0.5, "wire_drift": 0.4, "none": 0.1}, "inertance"),
+        ({"wire_drift": 0.5, "inertance": 0.5}, ""),
+        ({"none": 1.0, "inertance": 0.0}, ""),
+    ],
+)
+def test_a_tie_and_probability_zero_rank_nothing_first(probabilities, first):
+    assert ranked_first({"probabilities": probabilities}) == first
+
+
+def test_a_set_or_answers_that_are_missing_are_asked_for(tmp_path):
+    with pytest.raises(ValueError, match=r"no set.*benchmarks\.foreign make"):
+        joined(tmp_path, "own")
+    _written(tmp_path, {"0000": GOOD})
+    with pytest.raises(ValueError, match=r"no answers-bic\.json.*benchmarks\.foreign answer"):
+        joined(tmp_path, "bic")
 
 
 @pytest.mark.parametrize("name", FAULTS)

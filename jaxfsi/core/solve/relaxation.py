@@ -46,7 +46,7 @@ class Relaxation(eqx.Module):
             two nodes is another.
         mirror: place in N of each entry's transpose.
         N: zero until renewed.
-        sweeps: none until renewed.
+        crosses: whether flow crosses elements, so that sweeps are worth it; not until renewed.
     """
 
     nodes: Int[Array, " own"]
@@ -54,7 +54,7 @@ class Relaxation(eqx.Module):
     entry: Int[Array, "12 tets"]
     mirror: Int[Array, "columns own"]
     N: Float[Array, "columns own"]
-    sweeps: Int[Array, ""]
+    crosses: Bool[Array, ""]
 
 
 def relaxation(
@@ -88,7 +88,7 @@ def relaxation(
         jnp.asarray(entry.T, jnp.int32),
         jnp.asarray(mirror, jnp.int32),
         jnp.zeros(neighbour.shape, dtype),
-        jnp.zeros((), jnp.int32),
+        jnp.asarray(False),
     )
 
 
@@ -110,8 +110,7 @@ def renewed(
         return flat.reshape(known.N.shape)
 
     N = jax.lax.cond(crosses, assembled, lambda: known.N)
-    sweeps = jnp.where(crosses, SWEEPS, 0).astype(known.sweeps.dtype)
-    return eqx.tree_at(lambda k: (k.N, k.sweeps), known, (N, sweeps))
+    return eqx.tree_at(lambda k: (k.N, k.crosses), known, (N, crosses))
 
 
 def transposed(known: Relaxation) -> Relaxation:
@@ -120,7 +119,11 @@ def transposed(known: Relaxation) -> Relaxation:
 
 
 def relaxed(
-    known: Relaxation, inverse_diagonal: Float[Array, "3 nodes"], r: Float[Array, "3 nodes"]
+    known: Relaxation,
+    inverse_diagonal: Float[Array, "3 nodes"],
+    r: Float[Array, "3 nodes"],
+    *,
+    sweeps: int = SWEEPS,
 ) -> Float[Array, "3 nodes"]:
     """Velocity of the blood's own nodes under the forces r, zero elsewhere.
 
@@ -128,12 +131,17 @@ def relaxed(
         known: the operator.
         inverse_diagonal: D⁻¹, zero but at those nodes.
         r: forces.
+        sweeps: how many, where flow crosses elements.
     """
-    own_inverse, own_r = inverse_diagonal[:, known.nodes], r[:, known.nodes]
 
-    def sweep(_: int, v: Float[Array, "3 own"]) -> Float[Array, "3 own"]:
-        carried = jnp.stack([apply(known.N, known.neighbour, component) for component in v])
-        return v + OMEGA * (own_inverse * (own_r - carried) - v)
+    def swept() -> Float[Array, "3 nodes"]:
+        own_inverse, own_r = inverse_diagonal[:, known.nodes], r[:, known.nodes]
 
-    v = jax.lax.fori_loop(0, known.sweeps, sweep, own_inverse * own_r)
-    return jnp.zeros_like(r).at[:, known.nodes].set(v)
+        def sweep(_: int, v: Float[Array, "3 own"]) -> Float[Array, "3 own"]:
+            carried = jnp.stack([apply(known.N, known.neighbour, component) for component in v])
+            return v + OMEGA * (own_inverse * (own_r - carried) - v)
+
+        v = jax.lax.fori_loop(0, sweeps, sweep, own_inverse * own_r)
+        return jnp.zeros_like(r).at[:, known.nodes].set(v)
+
+    return jax.lax.cond(known.crosses, swept, lambda: inverse_diagonal * r)

@@ -115,7 +115,12 @@ def renewed(
 
 def transposed(known: Relaxation) -> Relaxation:
     """The same with the transposed operator."""
-    return eqx.tree_at(lambda k: k.N, known, gathered(known.N.reshape(-1), known.mirror))
+
+    def mirrored() -> Float[Array, "columns own"]:
+        return gathered(known.N.reshape(-1), known.mirror)
+
+    N = jax.lax.cond(known.crosses, mirrored, lambda: known.N)
+    return eqx.tree_at(lambda k: k.N, known, N)
 
 
 def relaxed(

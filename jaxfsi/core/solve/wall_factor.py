@@ -62,7 +62,7 @@ _POWER_STEPS = 15
 _MARGIN = 1.1
 
 
-_MOST_FACTORED = 15_000
+_MOST_FACTORED = 100_000
 """Free nodes of a wall that bends, mid-edge modes among them, that are factored as a whole."""
 
 _wall_tangent = quick_jit(wall_tangent)

@@ -115,7 +115,7 @@ def cover(
         if len(spoilt) == 0:
             return found
         free[feet[spoilt]] = False
-    raise NoColumns(f"in {_ROUNDS} rounds no outer surface took the columns; use a finer preset")
+    raise NoColumns(f"in {_ROUNDS} rounds no outer surface took the columns; use another preset")
 
 
 def _at_poor(found: Cover, lumen: ClippedSurface, anatomy: Anatomy) -> Int[np.ndarray, " spoilt"]:

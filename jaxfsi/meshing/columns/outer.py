@@ -20,6 +20,7 @@ from jaxfsi.measures import triangle_normals
 from jaxfsi.meshing.columns.hole import joined, least_triangulation
 from jaxfsi.meshing.columns.zone import SurfaceGraph
 from jaxfsi.meshing.surface.clipping import border_loops
+from jaxfsi.meshing.surface.flips import flipped
 from jaxfsi.meshing.surface.isosurface import Surface
 from jaxfsi.meshing.surface.projection import gradients, triangle_qualities
 from jaxfsi.meshing.surface.remesh import remesh_surfaces
@@ -32,6 +33,8 @@ _CUTS = 1
 _LEAST_COSINE = 0.3
 # Quality of a triangle over a hole.
 _LEAST_QUALITY = 0.05
+# Quality of a triangle beside the ends below which its longest edge may be turned.
+_FLIPPED_QUALITY = 0.4
 _SAME_POINT = 1e-9
 _STEP = 1e-3  # of the differences for normals [cm]
 
@@ -194,7 +197,8 @@ def _remeshed(
 ) -> Stitched:
     """The columns' ends and a patch beside them, brought to the size asked for.
 
-    Edges between two ends stay, also across a hole, so that as few triangles as can be close it.
+    Edges between two ends stay, also across a hole, so that as few triangles as can be close it;
+    those of slivers are turned afterwards.
     """
     fixed = np.zeros(len(points), dtype=bool)
     fixed[border] = True
@@ -214,14 +218,15 @@ def _remeshed(
     failed[border] = np.asarray(distance) > _SAME_POINT
     node = len(ends.points) + np.arange(len(new.points))
     node[found] = border
-    return Stitched(
-        _compact_after(
-            np.concatenate([ends.points, new.points]),
-            np.concatenate([ends.triangles, node[new.triangles]]),
-            len(ends.points),
-        ),
-        failed,
+    surface = _compact_after(
+        np.concatenate([ends.points, new.points]),
+        np.concatenate([ends.triangles, node[new.triangles]]),
+        len(ends.points),
     )
+    if failed.any():
+        return Stitched(surface, failed)
+    first = len(ends.triangles)
+    return Stitched(flipped(surface, first=first, least_quality=_FLIPPED_QUALITY), failed)
 
 
 def _compact_after(

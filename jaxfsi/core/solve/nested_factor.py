@@ -22,7 +22,6 @@ Larger leaves hold more numbers in fewer products: as fast, and compiled in a th
 Source: George 1973, SIAM J. Numer. Anal. 10:345; Duff & Reid 1983, ACM Trans. Math. Softw. 9:302.
 """
 
-import itertools
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -32,9 +31,9 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Float, Int
-from scipy.sparse.csgraph import connected_components, dijkstra
 
 from jaxfsi.core.elements.linear import IN_BOUNDS, gathered
+from jaxfsi.core.solve.dissection import Front, dissection
 from lumped.device import on_cpu
 
 
@@ -56,9 +55,6 @@ CPU_SIZES = _Sizes(300, 200_000)
 
 ACCELERATOR_SIZES = _Sizes(800, 4_000_000)
 """Where starting a kernel takes as long as reading a million numbers."""
-
-N_CUTS = 32
-"""Places at which the fronts of one height may be cut into batches."""
 
 
 class Batch(eqx.Module):
@@ -99,13 +95,6 @@ class NestedFactor(eqx.Module):
         return sum(b.inverse.size + 2 * b.coupling.size for b in self.batches)
 
 
-class _Front(NamedTuple):
-    """Place in the tree: own nodes, and index of the front above (−1 at the root)."""
-
-    nodes: Int[np.ndarray, " own"]
-    parent: int
-
-
 class _Dense(NamedTuple):
     """Eliminated front: unknowns s and b, D and W."""
 
@@ -141,7 +130,7 @@ def nested_factor(
         shape=(n_unknowns // block,) * 2,
     )
     sizes = CPU_SIZES if on_cpu() else ACCELERATOR_SIZES
-    tree = _dissection(graph, points, sizes.leaf // block)
+    tree = dissection(graph, points, sizes.leaf // block)
     # kept in the wanted precision from the start: in double precision they are most of the memory
     fronts = [
         f._replace(inverse=f.inverse.astype(dtype), coupling=f.coupling.astype(dtype))
@@ -162,7 +151,7 @@ def nested_factor(
     return NestedFactor(levels, n_unknowns)
 
 
-def _heights(tree: list[_Front]) -> list[int]:
+def _heights(tree: list[Front]) -> list[int]:
     """Number of fronts from each one down to its deepest leaf."""
     heights = [0] * len(tree)
     for k in range(len(tree) - 1, 0, -1):
@@ -172,76 +161,8 @@ def _heights(tree: list[_Front]) -> list[int]:
     return heights
 
 
-def _dissection(
-    graph: sp.csr_matrix, points: Float[np.ndarray, "nodes 3"] | None, leaf: int
-) -> list[_Front]:
-    """Tree of separators and leaves, each front after the one above it."""
-    fronts, waiting = [], [(np.arange(graph.indptr.size - 1), -1)]
-    while waiting:
-        nodes, parent = waiting.pop()
-        if not len(nodes):
-            continue
-        if len(nodes) <= leaf:
-            fronts.append(_Front(nodes, parent))
-            continue
-        part = graph[nodes][:, nodes]
-        separator, *halves = _bisection(part, None if points is None else points[nodes])
-        fronts.append(_Front(nodes[separator], parent))
-        waiting += [(nodes[half], len(fronts) - 1) for half in halves]
-    return fronts
-
-
-def _bisection(
-    graph: sp.csr_matrix, points: Float[np.ndarray, "nodes 3"] | None
-) -> tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"], Int[np.ndarray, " _"]]:
-    """Separator and the two parts that it parts, the cheapest of those along several orders.
-
-    Along an order, the nodes before a cut that have a neighbour behind it separate the rest.
-    """
-    entries = graph.tocoo()
-    n = graph.indptr.size - 1
-    least = np.inf
-    separates = before = np.zeros(n, bool)
-    for order in _orders(graph, points):
-        rank = np.empty(n, int)
-        rank[order] = np.arange(n)
-        far = rank.copy()
-        np.maximum.at(far, entries.row, rank[entries.col])
-        # node i separates at the cuts rank_i < cut <= far_i
-        change = np.bincount(rank + 1, minlength=n + 2) - np.bincount(far + 1, minlength=n + 2)
-        size = np.cumsum(change)
-        cuts = np.arange(int(0.3 * n), int(0.7 * n) + 1)
-        skewness = np.abs(cuts / n - 0.5)
-        cost = size[cuts] * (1.0 + 1.5 * skewness) + 0.02 * n * skewness
-        k = int(np.argmin(cost))
-        if cost[k] < least:
-            least, before = cost[k], rank < cuts[k]
-            separates = before & (far >= cuts[k])
-    first = np.flatnonzero(before & ~separates)
-    return np.flatnonzero(separates), first, np.flatnonzero(~before)
-
-
-def _orders(
-    graph: sp.csr_matrix, points: Float[np.ndarray, "nodes 3"] | None
-) -> Iterator[Int[np.ndarray, " nodes"]]:
-    """Orders of the nodes to cut: from a far end through the graph, and along principal axes."""
-    _, component = connected_components(graph, directed=False)
-    start = np.unique(component, return_index=True)[1]
-    distance = np.zeros(len(component))
-    for _ in range(3):  # each search starts where the last one ended
-        distance = dijkstra(graph, indices=start, unweighted=True, min_only=True)
-        order = np.lexsort((-distance, component))
-        start = order[np.unique(component[order], return_index=True)[1]]
-    yield np.lexsort((distance, component))
-    if points is not None:
-        centred = points - np.mean(points, axis=0)
-        _, axes = np.linalg.eigh(centred.T @ centred)
-        for axis in axes.T:
-            yield np.argsort(centred @ axis)
-
-
 def _eliminated(
-    matrix: sp.csr_matrix, graph: sp.csr_matrix, tree: list[_Front], block: int
+    matrix: sp.csr_matrix, graph: sp.csr_matrix, tree: list[Front], block: int
 ) -> Iterator[_Dense]:
     """Eliminate the fronts from the last to the first."""
     n_unknowns = matrix.indptr.size - 1
@@ -288,27 +209,43 @@ def _eliminated(
 
 
 def _grouped(level: list[_Dense], batch_cost: int) -> list[list[_Dense]]:
-    """Fronts of one height in batches with little padding: the best cuts of their order by size."""
-    level = sorted(level, key=lambda f: len(f.own) * (len(f.own) + 2 * len(f.above)))
+    """Fronts of one height in batches with little padding: cut in two while that pays.
+
+    The cut is along an order by own unknowns, by those above, or by numbers.
+    """
     own = np.array([len(f.own) for f in level], int)
     above = np.array([len(f.above) for f in level], int)
-    places = np.unique(np.linspace(0, len(level), 1 + min(len(level), N_CUTS)).astype(int))
+    numbers = own * (own + 2 * above)
+    batches, waiting = [], [np.arange(len(level))]
+    while waiting:
+        group = waiting.pop()
+        least = len(group) * _padded(own[group].max(), above[group].max()) - batch_cost
+        parts = None
+        for key in (own, above, numbers):
+            order = group[np.argsort(key[group], kind="stable")]
+            before = _padded_up_to(own[order], above[order])[:-1]
+            after = _padded_up_to(own[order[::-1]], above[order[::-1]])[-2::-1]
+            if len(order) > 1 and np.min(before + after) < least:
+                k = int(np.argmin(before + after)) + 1
+                least, parts = before[k - 1] + after[k - 1], (order[:k], order[k:])
+        if parts is None:
+            batches.append([level[k] for k in group])
+        else:
+            waiting += parts
+    return batches
 
-    def padded(i: int, j: int) -> int:
-        width = int(own[i:j].max())
-        return (j - i) * width * (width + 2 * int(above[i:j].max()))
 
-    cheapest: dict[int, tuple[int, tuple[int, ...]]] = {0: (0, ())}
-    for index, j in enumerate(places[1:], start=1):
-        cheapest[int(j)] = min(
-            (
-                cheapest[int(i)][0] + padded(int(i), int(j)) + batch_cost,
-                (*cheapest[int(i)][1], int(j)),
-            )
-            for i in places[:index]
-        )
-    ends = (0, *cheapest[len(level)][1])
-    return [level[i:j] for i, j in itertools.pairwise(ends)]
+def _padded(own: Int[np.ndarray, "..."], above: Int[np.ndarray, "..."]) -> Int[np.ndarray, "..."]:
+    """Numbers of a front."""
+    return own * (own + 2 * above)
+
+
+def _padded_up_to(
+    own: Int[np.ndarray, " fronts"], above: Int[np.ndarray, " fronts"]
+) -> Int[np.ndarray, " fronts"]:
+    """Numbers of the batch of the first one, two, three ... fronts."""
+    largest = np.maximum.accumulate(own), np.maximum.accumulate(above)
+    return np.arange(1, len(own) + 1) * _padded(*largest)
 
 
 def _batch(fronts: list[_Dense], n_unknowns: int, dtype: type) -> Batch:

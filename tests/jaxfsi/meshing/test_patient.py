@@ -18,7 +18,7 @@ from jaxfsi.anatomy import (
 )
 from jaxfsi.faces import boundary_of
 from jaxfsi.measures import enclosed_volume
-from jaxfsi.mesh import Region
+from jaxfsi.mesh import INTERFACE, Region
 from jaxfsi.meshing import MeshResult, build_mesh
 from jaxfsi.meshing.check.section_areas import section_areas
 from study import demo_case_path, read_case
@@ -170,3 +170,15 @@ def test_every_frame_of_every_state_has_its_area(shared_data: pathlib.Path, drug
     septum = report.fidelity.septum_ratio
     assert septum is not None
     assert 0.9 < septum.p1 < septum.p99 < 1.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["coarse", "medium", "fine"])
+def test_wall_stands_in_columns_on_every_preset(preset):
+    result = build_mesh(
+        case_anatomy(read_case(demo_case_path()), "rest_diastole"), preset=preset, wedge_layers=1
+    )
+    mesh, report = result.mesh, result.report
+    assert report.notes == ()
+    # Where tissue lies between two lumens no column can stand.
+    assert len(mesh.wedges) > 0.7 * len(mesh.labelled(INTERFACE))

@@ -10,14 +10,14 @@ the leaves to the root (multifrontal method)::
 
 The fronts of one height, that is as many fronts above their deepest leaf, do not depend on each
 other, so that a solution is some twenty batched products of dense matrices: it runs on any device,
-can be batched, and in single precision serves as a preconditioner. Fronts of one height are sorted
-into a few batches of similar size and padded: leaves are alike in size wherever they hang, so that
+can be batched, and in single precision serves as a preconditioner. Fronts of one height go into a
+few batches of similar size and are padded: leaves are alike in size wherever they hang, so that
 a sixth less is padded than with the fronts of one depth.
 
-Measured on the wall of the real patient's coarse mesh (13 341 unknowns) with leaves of 60: 3.6
-million numbers; SuperLU with minimum degree has 2.4 million nonzeros. A block tridiagonal factor
-over the levels of a breadth-first search has 58 million there and takes fourteen times as long.
-Larger leaves hold more numbers in fewer products: as fast, and compiled in a third of the time.
+Measured on the wall of the real patient's coarse mesh (16 299 unknowns) with leaves of 60 in 254
+batches: 5.8 million numbers; SuperLU with minimum degree has 4.6 million nonzeros. A block
+tridiagonal factor over the levels of a breadth-first search has sixteen times as many. Larger
+leaves hold more numbers in fewer products: as fast, and compiled in a third of the time.
 
 Source: George 1973, SIAM J. Numer. Anal. 10:345; Duff & Reid 1983, ACM Trans. Math. Softw. 9:302.
 """

@@ -14,11 +14,12 @@ from study.report.pictures import Drawn, embedded_pictures, write_simulation_pic
 from study.report.simulation_pictures import draw_simulation
 from study.report.simulation_results import simulation_document
 from study.report.study_vessel import simulation_vessel, vessel_files, vessel_name
+from study.run.expected_times import PREPARE_SECONDS, march_seconds
 from study.run.lumen_collapse import anatomy_of
 from study.run.mesh import chosen_state, mesh_state, planned_steps
 from study.run.opening_checks import check_names, check_openings
 from study.run.setup import check_simulation, plan_steps, prepare_simulation
-from study.run.simulation import STEP_NAME, march_seconds, run_simulation
+from study.run.simulation import STEP_NAME, run_simulation
 from study.run.simulation_data import Outcome
 from study.store.case_inputs import provenance
 from study.store.earlier_run import can_go_on, make_way, set_run_aside
@@ -45,7 +46,7 @@ def simulate_command(request: Request[SimulateOptions], case: Case, folder: path
         progress.plan(
             {
                 **planned_steps(case, [state]),
-                "preparing": 20.0 if options.rigid else 80.0,
+                "preparing": 20.0 if options.rigid else PREPARE_SECONDS[case.mesh.preset],
                 STEP_NAME: march_seconds(case.mesh.preset, schedule.n_steps),
             }
         )

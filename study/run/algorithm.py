@@ -13,6 +13,7 @@ Source: Puelz et al. 2024, algorithm 1; step 3 is ours.
 """
 
 import contextlib
+import math
 import pathlib
 from collections.abc import Sequence
 from typing import Any
@@ -31,6 +32,12 @@ from study.case.model import Case
 from study.run.anatomy_source import states_of
 from study.run.computed_parts import computed_parts
 from study.run.drawn_runs import drawn_step, runs_beside_0d
+from study.run.expected_times import (
+    COMPILE_SECONDS,
+    PREPARE_SECONDS,
+    STEP_SECONDS,
+    march_seconds,
+)
 from study.run.fitted_ramp import FittedRamp, fitted
 from study.run.lumen_parts import motion_part
 from study.run.mesh import planned_steps
@@ -56,9 +63,6 @@ from study.store.json_form import as_json, from_json
 from study.store.result_files import FIELD_FOLDER, STAGE_FOLDER
 from study.store.result_names import CURVE, LOOP, NOMINAL, PAPER, RAMP
 from study.store.stages import stage_key
-
-_SECONDS_A_STEP = 0.16
-_COMPILE = 40.0
 
 
 def run_study(
@@ -127,14 +131,14 @@ def run_study(
 
 def study_steps(case: Case, choice: StudyChoice) -> dict[str, float]:
     """Steps of a study with the seconds that each usually takes."""
-    dt = choice.run.dt or case.solver.dt or STEP
+    dt, preset = choice.run.dt or case.solver.dt or STEP, case.mesh.preset
 
     def seconds(condition: str) -> float:
         steps = case.conditions[condition].period / dt * choice.run.cycles
-        return 5.0 + steps * _SECONDS_A_STEP
+        return 5.0 + steps * STEP_SECONDS[preset]
 
-    ramp = choice.ramp.drop / choice.ramp.rate / dt * 1.5 * _SECONDS_A_STEP
-    plan = {**planned_steps(case, states_of(case)[:1]), RAMP: 1.5 * _COMPILE + ramp}
+    ramp = march_seconds(preset, math.ceil(choice.ramp.drop / choice.ramp.rate / dt))
+    plan = {**planned_steps(case, states_of(case)[:1]), RAMP: PREPARE_SECONDS[preset] + ramp}
     plan["calibrating in 0D"] = 10.0
     if choice.mesh_error:
         plan[SECOND_RAMP] = plan[RAMP]
@@ -146,8 +150,8 @@ def study_steps(case: Case, choice: StudyChoice) -> dict[str, float]:
                 plan[drawn_step(condition, k + 1)] = seconds(condition)
             plan[f"uncertainty, {condition}"] = 20.0
     for condition in choice.sensitivities:
-        plan[f"derivatives: {condition}"] = 2.0 * _COMPILE + 8.0 * seconds(condition)
-    return {**plan, "measuring the lumen": 10.0, "drawing": 40.0, "writing the report": 3.0}
+        plan[f"derivatives: {condition}"] = 2.0 * COMPILE_SECONDS[preset] + 8.0 * seconds(condition)
+    return {**plan, "measuring the lumen": 3.0, "drawing": 10.0, "writing the report": 3.0}
 
 
 def _mesh_error(

@@ -12,6 +12,7 @@ import pathlib
 from typing import Any
 
 from study.case.model import Case, require
+from study.run.expected_times import march_seconds
 from study.run.members import Member
 from study.store.earlier_run import can_go_on
 from study.store.options import (
@@ -64,7 +65,6 @@ def dry_run_of_simulation(
     """
     checks = importlib.import_module("study.run.opening_checks")
     setup = importlib.import_module("study.run.setup")
-    simulation = importlib.import_module("study.run.simulation")
     meshes = importlib.import_module("study.run.mesh")
     checks.check_names(case, segment=True)
     setup.check_simulation(case, options.condition, rigid=options.rigid, dt=options.dt)
@@ -73,7 +73,7 @@ def dry_run_of_simulation(
     case = dataclasses.replace(case, mesh=dataclasses.replace(case.mesh, preset=preset))
     begun = can_go_on(folder) and not options.restart
     name = f"run at {options.condition}, {plan.n_steps} steps of {1e3 * plan.dt:.3g} ms"
-    seconds = simulation.march_seconds(preset, plan.n_steps)
+    seconds = march_seconds(preset, plan.n_steps)
     state = meshes.chosen_state(case, options.state)
     return [_mesh(case, state), DryPart(name, BEGUN if begun else ANEW, seconds)]
 

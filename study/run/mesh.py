@@ -20,6 +20,7 @@ from study.case.anatomy import MeshAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.model import Case, require
 from study.run.anatomy_source import case_anatomy, case_mesh, states_of
+from study.run.expected_times import MESH_SECONDS
 from study.run.limits import AREA_BOUND, SEPTUM_BOUND
 from study.run.mesh_pictures import aortic_axis, draw_mesh, label_colours
 from study.run.progress import Progress
@@ -44,20 +45,6 @@ from study.store.provenance import made_now
 
 _Part = TypeVar("_Part")
 
-STAGES = {
-    "reading the anatomy": 2.0,
-    "sampling": 8.0,
-    "sizes": 2.0,
-    "remeshing": 4.0,
-    "closing": 1.0,
-    "filling": 10.0,
-    "checking": 3.0,
-    "measuring": 3.0,
-    "drawing": 8.0,
-}
-"""Usual seconds of each stage of a coarse mesh."""
-
-_SLOWER = {"coarse": 1.0, "medium": 2.5, "fine": 7.0}
 _OUTLINES = 8
 _ANGLE_EDGES = np.linspace(0.0, 90.0, 31)
 _THICKNESS_BINS = 30
@@ -65,11 +52,10 @@ _THICKNESS_BINS = 30
 
 def planned_steps(case: Case, states: Sequence[str]) -> dict[str, float]:
     """Steps of meshing some states with the seconds that each usually takes."""
-    factor = _SLOWER[case.mesh.preset]
     return {
-        f"{stage}, {state}": seconds * factor
+        f"{stage}, {state}": seconds[case.mesh.preset]
         for state in states
-        for stage, seconds in STAGES.items()
+        for stage, seconds in MESH_SECONDS.items()
     }
 
 

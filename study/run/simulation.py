@@ -41,8 +41,6 @@ CHUNK = 10
 
 STEP_NAME = "running"
 _HISTORY_SECONDS = 10.0
-_COMPILE_SECONDS = 60.0
-_STEP_SECONDS = {"coarse": 0.2, "medium": 1.0, "fine": 4.0}
 
 
 def solver_choice(options: SolverOptions) -> SolverChoice:
@@ -167,11 +165,6 @@ class _Watch:
         if now - self._written > _HISTORY_SECONDS:
             write_history(self._folder, progress.record, progress.names)
             self._written = now
-
-
-def march_seconds(preset: str, n_steps: int) -> float:
-    """Usual time of a run on a mesh of a preset, its compiling included [s]."""
-    return _COMPILE_SECONDS + n_steps * _STEP_SECONDS[preset]
 
 
 def progress_text(progress: ProgressRecord, schedule: Schedule, pace: float) -> str:

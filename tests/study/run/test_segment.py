@@ -16,9 +16,9 @@ from jaxfsi.opening import opening_area
 from lumped import Constant, Coronary
 from study.case.read import read_case
 from study.run.anatomy_source import case_anatomy
+from study.run.expected_times import march_seconds
 from study.run.opening_checks import names_segment
 from study.run.setup import check_simulation, plan_steps
-from study.run.simulation import march_seconds
 
 OPENINGS = "inlet = [0.0, 0.0, 0.0]\noutlet = [0.0, 0.0, 12.0]\n"
 CASE = """\

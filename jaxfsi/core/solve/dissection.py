@@ -4,7 +4,7 @@ A part is cut where an order of its nodes (through the graph from a far end, and
 axes) has the fewest nodes before the cut with a neighbour behind it. Among these nodes and their
 neighbours the fewest that separate the two parts are then found: a minimum cut, every node being an
 edge of capacity 1 from its entry to its exit. On the walls and the blood of a patient that takes a
-fifth to a third from the numbers of a factor.
+seventh to three tenths from the numbers of a factor.
 
 Source: George 1973, SIAM J. Numer. Anal. 10:345; Ashcraft & Liu 1998, SIAM J. Matrix Anal. Appl.
 19:325, for separators made smaller by network flow.

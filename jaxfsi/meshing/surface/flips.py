@@ -1,7 +1,5 @@
 """Slivers of a surface made better by turning their longest edges."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from jaxtyping import Int
 
@@ -26,10 +24,11 @@ def flipped(surface: Surface, *, first: int, least_quality: float) -> Surface:
         first: triangles before this one stay as they are.
         least_quality: triangles of less are slivers, see `triangle_qualities`.
     """
-    points, triangles = surface[0], surface[1].copy()
+    points, triangles = surface.points, surface.triangles.copy()
     count = len(points)
     edges = triangle_edges(triangles).reshape(-1, 2).astype(np.int64)
-    owner = dict(zip((edges @ (count, 1)).tolist(), _owners(len(triangles)), strict=True))
+    rows = np.repeat(np.arange(len(triangles)), 3)
+    owner = dict(zip((edges @ (count, 1)).tolist(), rows.tolist(), strict=True))
     for _ in range(_SWEEPS):
         quality = triangle_qualities(points, triangles[first:])
         slivers = first + np.flatnonzero(quality < least_quality)
@@ -54,10 +53,6 @@ def flipped(surface: Surface, *, first: int, least_quality: float) -> Surface:
         if not turned:
             break
     return Surface(points, triangles)
-
-
-def _owners(count: int) -> Iterator[int]:
-    return (row for row in range(count) for _ in range(3))
 
 
 def _longest_first(points: np.ndarray, triangle: Int[np.ndarray, "3"]) -> list[int]:

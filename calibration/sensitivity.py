@@ -83,7 +83,7 @@ def ratio_response(
     solution = solve_periodic(network, condition.period, solver, throw=False)
     model = (surrogate, condition, rule)
     if network.is_linear:
-        slope = jax.grad(_mean_log_ratio)(model)
+        slope = jax.grad(_mean_log_ratio)(model, condition)
     else:
         slope = _implicit_slope(model, solution, solver)
     values, slopes = _by_name(model), _by_name(slope)
@@ -94,11 +94,21 @@ def ratio_response(
 _Model = tuple[Surrogate, HaemodynamicCondition, StressRule]
 
 
-def _mean_log_ratio(model: _Model) -> Array:
-    """Log ratio of a linear surrogate, from the direct-current network."""
+def _network(model: _Model, nominal: HaemodynamicCondition) -> Network:
+    """Network of a model; a measured beat goes along where its condition leaves the nominal one."""
     surrogate, condition, rule = model
-    network = surrogate.network(condition, rule=rule)
-    return _log_ratio(network, mean_state(network, condition.period))
+    moved = nominal.moved(
+        P_systolic=condition.P_systolic,
+        P_diastolic=condition.P_diastolic,
+        period=condition.period,
+    )
+    return surrogate.network(moved, rule=rule)
+
+
+def _mean_log_ratio(model: _Model, nominal: HaemodynamicCondition) -> Array:
+    """Log ratio of a linear surrogate, from the direct-current network."""
+    network = _network(model, nominal)
+    return _log_ratio(network, mean_state(network, model[1].period))
 
 
 def _implicit_slope(
@@ -115,10 +125,11 @@ def _implicit_slope(
     start = jax.lax.stop_gradient(solution.initial)
     n = solution.network.n_states
 
+    nominal = model[1]
+
     def cycle(model: _Model, x: Array) -> tuple[Array, Array]:
-        surrogate, condition, rule = model
-        network = surrogate.network(condition, rule=rule)
-        ts = aligned_times(network, condition.period, scheme.n_steps)
+        network = _network(model, nominal)
+        ts = aligned_times(network, model[1].period, scheme.n_steps)
         path = march(ts, network, start.at[:n].set(x), order=scheme.order)
         return path.z[-1, :n], _log_ratio(network, path.integral)
 

@@ -22,6 +22,7 @@ what is uncertain FFR is met within 0.01 to 0.02 (standard deviation) without a 
 `calibration.two_levels` learns the rest.
 """
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -216,6 +217,9 @@ class StressRatio(eqx.Module):
                 raise KeyError(f"a patient has no number {name!r}; take one of {known}")
             if name not in _COMMON:
                 moved = eqx.tree_at(places[name], moved, jnp.asarray(values[name], float))
+        moved = dataclasses.replace(
+            moved, rest=_moved(self.rest, moved.rest), stress=_moved(self.stress, moved.stress)
+        )
         # last: they multiply the factors of the rule, given or not
         common = values.get(DILATION, 1.0)
         if BED_FACTOR in values:
@@ -247,6 +251,11 @@ class StressRatio(eqx.Module):
         places |= {f"{STRESS_PREFIX}{name}": of("rule", name) for name in NOMINAL}
         places[STRESS_LOSS] = lambda m: m.stress_loss
         return {**places, "rest_ratio": lambda m: m.rest_ratio}
+
+
+def _moved(before: HaemodynamicCondition, after: HaemodynamicCondition) -> HaemodynamicCondition:
+    """The condition after a change of its numbers, whose measured beat goes along."""
+    return before.moved(**{name: getattr(after, name) for name in _CONDITION})
 
 
 def _ratio(network: Network, period: Parameter, solver: Shooting) -> tuple[Array, Array]:

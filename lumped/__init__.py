@@ -63,6 +63,7 @@ if TYPE_CHECKING:
         Ramp,
         Sampled,
         Sinusoid,
+        Stretched,
         VentricularPressure,
         sampled,
     )
@@ -100,6 +101,7 @@ __all__ = [
     "Sinusoid",
     "StateSpace",
     "StressRule",
+    "Stretched",
     "Surrogate",
     "SvZeroDCase",
     "SvZeroDOutput",

@@ -36,7 +36,7 @@ from lumped.sources import PressureSource
 from lumped.stress import StressRule, scale_resistances
 from lumped.units import MMHG
 from lumped.vessels import Vessel
-from lumped.waveforms import AbstractWaveform, AorticPressure, VentricularPressure
+from lumped.waveforms import AbstractWaveform, AorticPressure, Stretched, VentricularPressure
 
 
 class HaemodynamicCondition(eqx.Module):
@@ -59,6 +59,33 @@ class HaemodynamicCondition(eqx.Module):
 
     def __check_init__(self):
         check_range(self)
+
+    def moved(
+        self,
+        *,
+        P_systolic: Parameter | None = None,
+        P_diastolic: Parameter | None = None,
+        period: Parameter | None = None,
+    ) -> "HaemodynamicCondition":
+        """The condition with other pressures or another cycle length; a measured beat goes along.
+
+        The beat is stretched in time, and in pressure about the diastolic one::
+
+            P'(t) = P_d' + (P(t T/T') − P_d) (P_s' − P_d') / (P_s − P_d)
+
+        Args:
+            P_systolic: None: as it is.
+            P_diastolic: likewise.
+            period: likewise.
+        """
+        P_s = self.P_systolic if P_systolic is None else P_systolic
+        P_d = self.P_diastolic if P_diastolic is None else P_diastolic
+        T = self.period if period is None else period
+        beat = self.waveform
+        if beat is not None:
+            gain = (P_s - P_d) / (self.P_systolic - self.P_diastolic)
+            beat = Stretched(beat, T / self.period, gain, P_d - gain * self.P_diastolic)
+        return HaemodynamicCondition(P_s, P_d, T, waveform=beat)
 
 
 def condition_from_clinic(

@@ -280,6 +280,42 @@ class Sampled(AbstractWaveform):
         return self.times
 
 
+class Stretched(AbstractWaveform):
+    """Another waveform, stretched in time and in value: gain · f(t / factor) + offset.
+
+    Breakpoints: those of the other waveform, stretched. Differentiated: all four.
+
+    Attributes:
+        waveform: the other waveform f.
+        factor: what its period is multiplied by [-].
+        gain: of its values [-].
+        offset: added to them, in their unit.
+    """
+
+    waveform: AbstractWaveform
+    factor: Parameter = parameter()
+    gain: Parameter = parameter(default=1.0)
+    offset: Parameter = parameter(default=0.0)
+
+    ranges: ClassVar[Range] = Range(above=("factor",), finite=("gain", "offset"))
+
+    def __check_init__(self):
+        check_range(self)
+
+    def __call__(self, t: Parameter) -> Array:
+        """Value at time t [s]."""
+        return self.gain * self.waveform(t / self.factor) + self.offset
+
+    def repeats_after(self) -> Parameter | None:
+        """The period of the other waveform, stretched [s]."""
+        period = self.waveform.repeats_after()
+        return None if period is None else self.factor * period
+
+    def breakpoints(self) -> Float[Array, " k"]:
+        """Those of the other waveform, stretched [s]."""
+        return self.factor * self.waveform.breakpoints()
+
+
 def sampled(
     times: ArrayLike | Sequence[float],
     values: ArrayLike | Sequence[float],

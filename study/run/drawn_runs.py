@@ -23,7 +23,7 @@ from calibration import (
 )
 from lumped.nominal import NOMINAL
 from study.case.model import Case
-from study.run.patient import Patient
+from study.run.patient import Patient, moved_entry
 from study.run.ratio_uncertainty import condition_inputs, stress_model
 from study.run.results import PlannedRun, Run3D, RunId
 from study.run.run_3d import LumenCollapsed, fsi_run
@@ -110,13 +110,7 @@ def drawn_values(inputs: Mapping[str, AbstractSpread], z: np.ndarray) -> dict[st
 
 def drawn_case(case: Case, condition: str, drawn: StressRatio) -> Case:
     """The case whose condition under stress is that of a drawn patient."""
-    bed, stress = drawn.surrogate.coronary, drawn.stress
-    entry = dataclasses.replace(
-        case.conditions[condition],
-        P_systolic=float(stress.P_systolic),
-        P_diastolic=float(stress.P_diastolic),
-        period=float(stress.period),
-    )
+    bed, entry = drawn.surrogate.coronary, moved_entry(case.conditions[condition], drawn.stress)
     return dataclasses.replace(
         case,
         conditions={**case.conditions, condition: entry},

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -23,6 +24,7 @@ from lumped import (
     stress_rule,
 )
 from lumped.device import quick_jit
+from lumped.parameters import is_traced
 from study.case.anatomy import IvusAnatomy
 from study.case.faults import CaseError, Fault
 from study.case.laws import LINEAR, QUADRATIC
@@ -184,10 +186,32 @@ def condition_of(entry: case_file.Condition) -> HaemodynamicCondition:
     waveform = None
     if entry.waveform is not None:
         beat = entry.waveform
-        waveform = sampled(np.array(beat.t), np.array(beat.P_aorta), entry.period)
+        waveform = sampled(beat.t, jnp.asarray(beat.P_aorta), entry.period)
     return HaemodynamicCondition(
         entry.P_systolic, entry.P_diastolic, entry.period, waveform=waveform
     )
+
+
+def moved_entry(
+    entry: case_file.Condition, condition: HaemodynamicCondition
+) -> case_file.Condition:
+    """A condition of a case with the pressures and period of another; its beat goes along.
+
+    Args:
+        entry: the condition of the case.
+        condition: the other one, such as `HaemodynamicCondition.moved` gives; its pressures may be
+            traced.
+    """
+    beat, wave = entry.waveform, condition.waveform
+    if beat is not None and wave is not None:
+        t = np.array(beat.t) * float(condition.period / entry.period)
+        P = wave(jnp.asarray(t))
+        samples = tuple(P if is_traced(P) else P.tolist())
+        beat = dataclasses.replace(beat, t=tuple(t.tolist()), P_aorta=samples)
+    names = ("P_systolic", "P_diastolic", "period")
+    numbers = {name: getattr(condition, name) for name in names}
+    known = {name: x if is_traced(x) else float(x) for name, x in numbers.items()}
+    return dataclasses.replace(entry, **known, waveform=beat)
 
 
 def stress_rules(case: Case) -> dict[str, StressRule]:

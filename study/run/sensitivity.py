@@ -47,7 +47,7 @@ from jaxfsi.opening import INLET, distal_name
 from lumped import StressRule
 from lumped.parameters import Parameter
 from study.case.model import Case
-from study.run.patient import stress_rules
+from study.run.patient import condition_of, moved_entry, stress_rules
 from study.run.progress import Progress
 from study.run.results import PlannedRun
 from study.run.run_3d import run_key, setup_of
@@ -90,11 +90,11 @@ def under(
     boundary: Boundary, case: Case, condition: str, model: Model, mesh: Mesh
 ) -> tuple[tuple[AbstractPort, ...], State]:
     """Ports and start of a model under a boundary; its numbers may be traced."""
-    entry = dataclasses.replace(
-        case.conditions[condition],
-        P_systolic=boundary.P_systolic,
-        P_diastolic=boundary.P_diastolic,
+    known = case.conditions[condition]
+    moved = condition_of(known).moved(
+        P_systolic=boundary.P_systolic, P_diastolic=boundary.P_diastolic
     )
+    entry = moved_entry(known, moved)
     case = dataclasses.replace(case, conditions={**case.conditions, condition: entry})
     outlets = outlets_of(case, condition, mesh, boundary.alpha, boundary.rule)
     inlet = aortic_pressure(entry)

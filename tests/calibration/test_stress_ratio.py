@@ -1,5 +1,7 @@
 """FFR as a function of all numbers of a patient, against derivatives found in another way."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,9 +19,12 @@ from calibration import (
 )
 from lumped import (
     MMHG,
+    AorticPressure,
     Shooting,
     Surrogate,
     condition_from_clinic,
+    metrics,
+    sampled,
     solve_periodic,
     stress_rule,
 )
@@ -78,6 +83,49 @@ def test_dilation_moves_all_resistances_of_the_bed_alike():
         assert float(patient.with_values(values).rule.R_2) == pytest.approx(0.32)
     assert float(wide()) < float(patient())
     assert float(patient.with_values({"dilation": 1.0})()) == float(patient())
+
+
+def _measured(condition):
+    """The condition with samples of its own aortic pressure as a measured beat."""
+    wave = AorticPressure(condition.P_systolic, condition.P_diastolic, condition.period)
+    t = jnp.linspace(0.0, condition.period, 200, endpoint=False)
+    beat = sampled(t, jax.vmap(wave)(t), condition.period)
+    return dataclasses.replace(condition, waveform=beat)
+
+
+@pytest.mark.parametrize("change", ["period", "P_systolic", "P_diastolic"])
+def test_a_measured_beat_goes_along_with_the_numbers_of_its_condition(change):
+    patient = _patient("quadratic")
+    beat = dataclasses.replace(patient, stress=_measured(STRESS))
+    now = float(getattr(STRESS, change))
+
+    def moved(patient, factor):
+        return patient.ffr({change: factor * now})
+
+    # 200 samples hold the assumed waveform, which is not quite systolic at its peak, to 1e-4
+    expected = float(moved(patient, 1.1)) - float(moved(patient, 1.0))
+    found = float(moved(beat, 1.1)) - float(moved(beat, 1.0))
+    assert found == pytest.approx(expected, rel=0.15, abs=3e-4)
+    slope = jax.grad(lambda f: moved(beat, f))(1.0)
+    h = 1e-3
+    central = (moved(beat, 1.0 + h) - moved(beat, 1.0 - h)) / (2.0 * h)
+    assert float(slope) == pytest.approx(float(central), rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["linear", "quadratic"])
+def test_sensitivities_move_a_measured_beat_along(name):
+    artery, condition = PATIENTS[name], _measured(STRESS)
+    found = ratio_response(artery, condition, rule=stress_rule("printed"), solver=SOLVER)
+    for key in ("period", "P_systolic", "P_diastolic"):
+        now, h = float(getattr(condition, key)), 1e-3
+
+        def log_ratio(factor, key=key, now=now):
+            moved = condition.moved(**{key: factor * now})
+            network = artery.network(moved, rule=stress_rule("printed"))
+            return np.log(float(metrics(solve_periodic(network, moved.period, SOLVER)).ratio))
+
+        central = (log_ratio(1.0 + h) - log_ratio(1.0 - h)) / (2.0 * h)
+        assert float(found.sensitivity[key]) == pytest.approx(central, rel=1e-3, abs=1e-6)
 
 
 def test_a_ratio_that_no_bed_gives_is_no_number():

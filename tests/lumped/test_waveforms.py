@@ -8,6 +8,7 @@ from lumped import (
     Constant,
     Ramp,
     Sinusoid,
+    Stretched,
     VentricularPressure,
     sampled,
     waveform_mean,
@@ -228,3 +229,15 @@ def test_waveform_batch_equals_loop():
 
     looped = jnp.stack([values(period) for period in periods])  # eager
     np.testing.assert_allclose(jax.jit(jax.vmap(values))(periods), looped, rtol=1e-14)
+
+
+def test_a_stretched_waveform_is_the_other_one_in_longer_time():
+    wave = sampled(np.array([0.0, 0.2, 0.5]), np.array([1.0, 3.0, 2.0]), T)
+    longer = Stretched(wave, 1.5, gain=2.0, offset=0.5)
+    for t in (0.0, 0.1, 0.45, 0.7):
+        assert float(longer(1.5 * t)) == pytest.approx(2.0 * float(wave(t)) + 0.5)
+    assert float(longer.repeats_after()) == pytest.approx(1.5 * T)
+    np.testing.assert_allclose(longer.breakpoints(), 1.5 * wave.breakpoints())
+    assert Stretched(Constant(1.0), 2.0).repeats_after() is None
+    with pytest.raises(ValueError, match="factor"):
+        Stretched(wave, -1.0)

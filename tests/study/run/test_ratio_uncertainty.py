@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calibration import Runs
-from lumped import MMHG
+from lumped import MMHG, AorticPressure
 from study import read_case
 from study.case.faults import CaseError
 from study.run.drawn_runs import drawn_case, drawn_values
@@ -184,6 +184,32 @@ def test_drawn_numbers_reach_the_case_of_a_3d_run(tmp_path):
     # the bed of the case under stress is that of the drawn patient
     own = stress_model(again, "dobutamine", "factors")
     assert float(own.bed_factor) == pytest.approx(values["bed_factor"])
+
+
+def test_a_measured_beat_goes_along_with_drawn_numbers(tmp_path):
+    wave = AorticPressure(130.0, 70.0, 0.45)
+    t = np.linspace(0.0, 0.45, 50, endpoint=False)
+    rows = [f"{a:.5f},{float(wave(a)):.3f}" for a in t]
+    (tmp_path / "beat.csv").write_text("\n".join(["time_s,P_aorta_mmHg", *rows]))
+    case = _case(tmp_path, reserve='waveform = "beat.csv"')
+    patient = load_patient(case)
+    values = {"period": 0.5, "P_systolic": 150.0 * MMHG, "P_diastolic": 60.0 * MMHG}
+    drawn = stress_model(patient, "dobutamine").with_values(values)
+    entry = drawn_case(case, "dobutamine", drawn).conditions["dobutamine"]
+    beat = entry.waveform
+    assert len(beat.t) == 50
+    assert beat.t[-1] == pytest.approx(0.5 * 49 / 50)
+    known = case.conditions["dobutamine"]
+    before = (np.array(known.waveform.P_aorta) - known.P_diastolic) / (
+        known.P_systolic - known.P_diastolic
+    )
+    after = (np.array(beat.P_aorta) - 60.0 * MMHG) / (90.0 * MMHG)
+    np.testing.assert_allclose(after, before, rtol=1e-12)
+    # the case is a sound one: its conditions make a network and a periodic state
+    again = load_patient(drawn_case(case, "dobutamine", drawn))
+    assert float(stress_model(again, "dobutamine")()) == pytest.approx(float(drawn()), abs=1e-9)
+    (one,) = uncertain_ratios(patient, Progress(), n_samples=2**8).found
+    assert one.found.sd > 0.0
 
 
 def test_a_condition_without_an_interval_leaves_the_others_theirs(tmp_path):

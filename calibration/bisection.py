@@ -138,7 +138,7 @@ def bisect_alpha(
     )
     missed = mismatch(solution.value, args)
     result = RESULTS.where(
-        jnp.abs(missed) < 1e-6,
+        jnp.abs(missed) < jnp.maximum(1e-6, tolerance),
         as_result(solution.result),
         cast(Any, RESULTS.nonlinear_divergence),
     )

@@ -88,17 +88,33 @@ class Body(eqx.Module):
     male: Parameter | None = optional_parameter()
 
 
+def _known(body: Body, *names: str) -> list[Parameter]:
+    """Numbers of a body.
+
+    Raises:
+        ValueError: it lacks one of them.
+    """
+    numbers = {name: getattr(body, name) for name in names}
+    missing = [name for name, number in numbers.items() if number is None]
+    if missing:
+        raise ValueError(f"The body has no {' and no '.join(missing)}. Give {missing[0]}.")
+    return list(numbers.values())
+
+
 def body_surface_area(body: Body) -> Float[Array, "..."]:
-    """Body surface area by Haycock et al. 1978 [m²]; of weight and height."""
-    assert body.weight_kg is not None
-    assert body.height is not None
-    return jnp.asarray(0.024265 * body.height**0.3964 * body.weight_kg**0.5378)
+    """Body surface area by Haycock et al. 1978 [m²]; of weight and height.
+
+    Raises:
+        ValueError: the body lacks one of them.
+    """
+    weight, height = _known(body, "weight_kg", "height")
+    return jnp.asarray(0.024265 * height**0.3964 * weight**0.5378)
 
 
 def resting_period(body: Body) -> Float[Array, "..."]:
     """Length of a heart beat at rest [s]; of age."""
-    assert body.age_years is not None
-    return 60.0 / (_ADULT_RATE + _YOUNG_RATE * jnp.exp(-body.age_years / _RATE_AGE))
+    (age,) = _known(body, "age_years")
+    return 60.0 / (_ADULT_RATE + _YOUNG_RATE * jnp.exp(-age / _RATE_AGE))
 
 
 def systolic_pressure(body: Body) -> Float[Array, "..."]:
@@ -121,8 +137,8 @@ def stroke_volume(body: Body) -> Float[Array, "..."]:
 
 def left_ventricular_mass(body: Body) -> Float[Array, "..."]:
     """Mass of the left ventricle, the median of its height [g]."""
-    assert body.height is not None
-    return jnp.interp(body.height, real(_HEIGHTS), real(_LV_MASSES))
+    (height,) = _known(body, "height")
+    return jnp.interp(height, real(_HEIGHTS), real(_LV_MASSES))
 
 
 def coronary_flow(body: Body) -> Float[Array, "..."]:
@@ -155,11 +171,9 @@ def territory_flow(
 
 
 def _pressure(body: Body, table: tuple) -> Float[Array, "..."]:
-    assert body.age_years is not None
-    assert body.height is not None
-    assert body.male is not None
-    a = jnp.clip(body.age_years, *_PRESSURE_AGES) - 10.0
-    z = height_score(body.height, body.age_years, body.male)
+    age, height, male = _known(body, "age_years", "height", "male")
+    a = jnp.clip(age, *_PRESSURE_AGES) - 10.0
+    z = height_score(height, age, male)
     z = jnp.clip(z, -_HEIGHT_SCORES, _HEIGHT_SCORES)
     girl, boy = (
         alpha
@@ -167,4 +181,4 @@ def _pressure(body: Body, table: tuple) -> Float[Array, "..."]:
         + sum(gamma * z**j for j, gamma in enumerate(scores, 1))
         for alpha, ages, scores in table
     )
-    return jnp.where(body.male > 0.5, boy, girl) * MMHG
+    return jnp.where(male > 0.5, boy, girl) * MMHG

@@ -13,6 +13,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
 from lumped.device import on_cpu
@@ -44,6 +45,7 @@ def map_cases(function: Callable[[Any], Any], cases: Any, *, batch_size: int | N
     """
     if batch_size is None:
         batch_size = BATCH if on_cpu() else ACCELERATOR_BATCH
+    cases = jax.tree.map(lambda x: jnp.asarray(x) if isinstance(x, np.ndarray) else x, cases)
     split, shared = eqx.partition(cases, lambda leaf: eqx.is_array(leaf) and leaf.ndim > 0)
     n = length(split)
     if n < 1 or batch_size < 1:

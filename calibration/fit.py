@@ -83,8 +83,7 @@ def fit(
         RuntimeError: the solver failed; the message says why and what to try.
     """
     free, data = as_free(free), as_data(data)
-    if starts < 1:
-        raise ValueError(f"{starts} starts leave nothing to fit from. Ask for one or more.")
+    _check_starts(starts)
     coordinates(model, free)
     key = jax.random.key(0) if key is None else key
     outcome = _fit_one(model, free, data, solver, starts, spread, key, max_steps)
@@ -128,6 +127,9 @@ def fit_batch(
         RuntimeError: the solver failed for some.
     """
     free, data = as_free(free), as_data(data)
+    _check_starts(starts)
+    if chunk < 1:
+        raise ValueError(f"chunk = {chunk} patients are advanced together. Take one or more.")
     own = read(models, free)
     sizes = {leaf.shape[:1] for leaf in jax.tree.leaves(data) if eqx.is_array(leaf)}
     if own.ndim == 2:
@@ -151,6 +153,11 @@ def fit_batch(
         [many.values[:, i] for i in range(len(free))],
     )
     return Fit(fitted, free, data, many, solver)
+
+
+def _check_starts(starts: int):
+    if starts < 1:
+        raise ValueError(f"{starts} starts leave nothing to fit from. Ask for one or more.")
 
 
 def stacked(items: Sequence[Any]) -> Any:

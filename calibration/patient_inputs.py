@@ -22,6 +22,7 @@ from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Un
 from calibration.stress_evidence import StressEvidence
 from calibration.stress_ratio import BED_FACTOR, REST_PREFIX, STRESS_LOSS, StressRatio
 from lumped.nominal import IM_FACTOR_SD, LOSS_SD, P_VENOUS_RANGE, PERIOD_SD, PRESSURE_SD
+from lumped.parameters import Parameter
 
 HIGHEST_RATIO = 0.999
 """A resting ratio of 1 has no α."""
@@ -58,20 +59,25 @@ def patient_inputs(
         errors: of the measurements.
     """
     now, artery = patient.values, patient.surrogate
-    inputs: dict[str, AbstractSpread] = {
+    inputs: dict[str, AbstractSpread | None] = {
         "rest_ratio": Truncated(now["rest_ratio"], errors.rest_ratio, 0.0, HIGHEST_RATIO),
         BED_FACTOR: evidence.bed_factor,
         STRESS_LOSS: evidence.stress_loss,
-        "R0": LogNormal(artery.R0, errors.loss),
+        "R0": _factor(artery.R0, errors.loss),
+        "im_factor": _factor(artery.coronary.im_factor, errors.im_factor),
+        "P_venous": Uniform(*errors.P_venous),
+        "K": _factor(artery.K, errors.loss),
     }
-    if np.all(np.asarray(artery.coronary.im_factor) > 0.0):  # else nothing squeezes the bed
-        inputs["im_factor"] = LogNormal(artery.coronary.im_factor, errors.im_factor)
-    inputs["P_venous"] = Uniform(*errors.P_venous)
-    if artery.K is not None:
-        inputs["K"] = LogNormal(artery.K, errors.loss)
     for prefix in ("", REST_PREFIX):
         for name in ("P_systolic", "P_diastolic"):
             inputs[prefix + name] = Normal(now[prefix + name], errors.pressure)
         name = f"{prefix}period"
         inputs[name] = LogNormal(now[name], errors.period)
-    return inputs
+    return {name: spread for name, spread in inputs.items() if spread is not None}
+
+
+def _factor(median: Parameter | None, log_sd: float) -> LogNormal | None:
+    """A number known up to a factor; None where it is absent or zero, and so has no error."""
+    if median is None or not np.all(np.asarray(median) > 0.0):
+        return None
+    return LogNormal(median, log_sd)

@@ -163,7 +163,7 @@ def fit_ramp(
         if not (t.size and np.all(np.isfinite(t)) and np.all(np.diff(t) > 0.0)):
             raise ValueError("The times of a ramp must be finite and ascend. Sort its samples.")
     kept = [_settled(record, settling) for record in records]
-    n = sum(len(record.t) for record in kept)
+    n = min(len(record.t) for record in kept)
     if n < _LEAST_SAMPLES:
         raise ValueError(
             f"{n} samples of a ramp are too few for its curve. Take a smaller dt or a slower ramp:"

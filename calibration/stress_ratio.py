@@ -131,9 +131,12 @@ class StressRatio(eqx.Module):
         P_rest, P_stress = self._mean_pressures
         R, scale = alpha * artery.coronary.R_total, self.stress_loss
 
+        quadratic = jnp.asarray(K) > 0.0
+
         def factor(ratio: Parameter, P: Array, R: Array, scale: Parameter) -> Array:
             Q = (ratio * P - artery.coronary.P_venous) / R
-            return ((1.0 - ratio) * P / scale - artery.R0 * Q) / (K * Q**2)
+            loss = jnp.where(quadratic, K * Q**2, 1.0)
+            return jnp.where(quadratic, ((1.0 - ratio) * P / scale - artery.R0 * Q) / loss, 1.0)
 
         return FormFactors(
             factor(self.rest_ratio, P_rest, R, jnp.ones(())),

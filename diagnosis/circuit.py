@@ -214,7 +214,7 @@ def solve(circuit: Circuit, *, nonlinear: bool = True) -> SensorSpectra:
 
     Args:
         circuit: one condition; all arrays are differentiated.
-        nonlinear: include K, K_known and R0_wave (static); False is faster and ignores them.
+        nonlinear: include K, K_known, K_turbulent, R0_wave (static); False ignores them, faster.
     """
     omega = 2.0 * jnp.pi / circuit.period * jnp.arange(HARMONICS + 1, dtype=float)
     iw = jax.lax.complex(jnp.zeros_like(omega), omega)

@@ -100,7 +100,8 @@ class Effect(NamedTuple):
             shifts a parameter or trace that is there already; `GUESSED_FORM` if it is one of
             several plausible equations; `CRUDE_FORM` if one number stands for a family of shapes.
         nonlinear: set it if the drop of the ostium becomes nonlinear in the flow or varies in time:
-            the linear solution ignores `K`, `K_known` and `R0_wave`. A test compares the two.
+            the linear solution ignores `K`, `K_known`, `K_turbulent` and `R0_wave`. A test compares
+            the two.
         two_starts: set it if the data hardly change at small sizes, or other unknowns imitate them,
             so that a fit from zero may stay there although a size near `sd` fits better. Fits then
             start at one `sd` as well, which costs one more fit a record and two more of pairs.

@@ -56,6 +56,6 @@ def ratio_gap(predicted: Parameter, measured: Parameter, sd: Parameter = RATIO_S
         )
     finite = {"The predicted ratio": predicted, "The measured ratio": measured}
     usable = numbers_in_range(above={"sd": sd}, finite=finite)
-    difference = real(predicted) - real(measured)
-    z = difference / real(sd) * nan_unless(usable)
+    difference = (real(predicted) - real(measured)) * nan_unless(usable)
+    z = difference / real(sd)
     return RatioGap(difference, z, erfc(jnp.abs(z) / jnp.sqrt(2.0)))

@@ -54,6 +54,9 @@ from lumped.units import MMHG
 EFFECT = "aortic_waveform"
 """The effect of the catalogue that a free inlet is a form of."""
 
+RECORDED = "recorded"
+"""Name of this form."""
+
 DELAY_SD = 0.015
 """Standard deviation of the squeeze's delay between conditions [beats]; assumed."""
 
@@ -227,5 +230,5 @@ def recorded_waveform(effect: Effect, measured: Measured, x_squeeze: float = 0.0
         return circuit._replace(P_inlet=circuit.P_inlet + size * jnp.asarray(wave)[here])
 
     return effect._replace(
-        equation="P_inlet(t) = recorded P_aorta(t)", change=change, form="recorded", forms=()
+        equation="P_inlet(t) = recorded P_aorta(t)", change=change, form=RECORDED, forms=()
     )

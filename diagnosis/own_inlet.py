@@ -18,6 +18,7 @@ from diagnosis.fit import Fitted
 from diagnosis.hypothesis import Catalogue
 from diagnosis.inlet import (
     EFFECT,
+    RECORDED,
     SQUEEZE,
     inlet_rms,
     leads,
@@ -151,9 +152,10 @@ def with_own_inlet(assumed: Diagnosis, own: Diagnosis) -> Diagnosis:
         h = _beside(() if name == "none" else tuple(name.split("+")))
         key = "unknown" if name == "unknown" else key_of(h)
         probabilities[key] = probabilities.get(key, 0.0) + p
-    forms = {**own.forms, EFFECT: {"recorded": 1.0}}
+    forms = {**own.forms, EFFECT: {RECORDED: 1.0}}
     return own._replace(
         record=assumed.record,
+        own=own.record,
         judgement=_judged(own.judgement, probabilities),
         fits=fits,
         acting=acting,

@@ -80,6 +80,8 @@ def reach(diagnosis: Diagnosis) -> Reach:
     """What boundary parameters alone reach of a record, and the loss of the artery that would.
 
     The loss is that of the most probable hypothesis where this changes R0, else that of R0 alone.
+    Each covariance is that of the model that was fitted: beside the recorded aortic waveform, of
+    the record with its free inlet.
 
     Raises:
         ValueError: the diagnosis has no effect on the artery's resistance.
@@ -91,16 +93,21 @@ def reach(diagnosis: Diagnosis) -> Reach:
             f"the diagnosis holds no fit with {RESISTANCE}: diagnose with the effects of the"
             " catalogue."
         )
-    record, effects = diagnosis.record, diagnosis.acting[hypothesis]
+    record = diagnosis.record
+    fitted_to, effects = diagnosis.fitted_about(hypothesis)
     numbers, k = numbers_of(effects), n_unknowns(record)
-    own = [[-1, -1], [*range(len(effects)), -1][:2]]
+    pairs = [[-1, -1], [*range(len(effects)), -1][:2]]
     fits = [diagnosis.base, diagnosis.fits[hypothesis]]
     nonlinear = any(effect.nonlinear for effect in effects)
-    covariance = partial(_covariance, record, effects, numbers, nonlinear=nonlinear)
     before, after = (
-        np.asarray(covariance(jnp.asarray(pair), jnp.asarray(fit.x), jnp.asarray(fit.kinds)))
-        for pair, fit in zip(own, fits, strict=True)
-    )
+        np.asarray(
+            _covariance(
+                about, effects, numbers, jnp.asarray(pair), jnp.asarray(fit.x),
+                jnp.asarray(fit.kinds), nonlinear=nonlinear,
+            )
+        )
+        for about, pair, fit in zip((record, fitted_to), pairs, fits, strict=True)
+    )  # fmt: skip
     learnt = 1.0 - float(before[_R0, _R0])
     pull = float(fits[0].x[_R0]) / float(np.sqrt(learnt)) if learnt > _LEAST_LEARNT else 0.0
 

@@ -30,7 +30,7 @@ from diagnosis.measured import (
     noise_power,
 )
 from diagnosis.prediction import P_SD, R0_PRIOR, R0_SD_LOG
-from diagnosis.record_checks import check_record
+from diagnosis.record_checks import check_record, is_repeated
 from diagnosis.resolution import HARMONICS, SAMPLES
 from diagnosis.richness import RICHNESS
 from diagnosis.scatter import FEWEST_BEATS, FORM_SD, FORMS, folded_noise
@@ -73,14 +73,16 @@ class RecordedCondition:
     Attributes:
         name: its name.
         drug: "none", "adenosine" or "dobutamine"; any other name is stress without either drug.
-        order: order of acquisition, from 0.
+        order: order of acquisition, from 0; another one for each where there are waveforms.
         held_out: whether only the aortic pressure may be used.
         period: length of the beat [s].
         P_systolic, P_diastolic: aortic pressures [dyn/cm²].
         mean_P_aorta, mean_P_distal: cycle means [dyn/cm²], if known.
         ffr: ratio of the means [-], if known.
         mean_Q: mean coronary flow [cm³/s], if known.
-        beats: recorded beats of each sensor of `SENSORS`, beats × samples [dyn/cm², cm³/s].
+        beats: recorded beats of each sensor of `SENSORS`, beats × samples [dyn/cm², cm³/s]; where
+            each sensor has several, or they were folded, all have one shape and the aortic pressure
+            is among them.
         folding: how the beats were folded; None if sampling divides the period.
     """
 
@@ -162,11 +164,13 @@ def noise_of(record: Record) -> Noise:
     scatter = [d.mean(axis=1) for d in own]
     rest = [d - d.mean(axis=1, keepdims=True) for d in own]
     freedom = sum((d.shape[0] - 1) * (d.shape[1] - 1) for d in rest)
-    variance = sum(float((d**2).sum()) for d in rest) / freedom
+    squares = [float((d**2).sum()) for d in rest]
+    variance = sum(squares) / freedom
     lagged = sum(float((d * np.roll(d, -1, axis=1)).sum()) for d in rest) / freedom
-    step = max(round(SAMPLES / rest[0].shape[1]), 1)
-    alike = noise_correlation()[step]
-    smooth = np.clip(lagged / (max(variance, 1e-12) * alike), 0.0, 0.95)
+    # what they would be if all noise were smooth: each stack has its own step
+    alike = noise_correlation()[[max(round(SAMPLES / d.shape[1]), 1) for d in rest]]
+    expected = float(np.dot(squares, alike)) / freedom
+    smooth = np.clip(lagged / max(expected, 1e-12), 0.0, 0.95)
     count = np.mean([d.shape[0] for d in rest])
     offset = np.sqrt(np.mean([m.var(ddof=1) / m.size for m in scatter]))
     sd = float(np.hypot(np.sqrt(variance / count), TRANSDUCER_SD))
@@ -204,14 +208,14 @@ def measured(record: Record, richness: str | None = None) -> Measured:
     C = len(record.conditions)
     scalars, sd = np.zeros((C, 4)), np.full((C, 4), np.inf)
     for c, condition in enumerate(record.conditions):
-        has_pressures = wave_sd.shape[1] > 0 and np.isfinite(wave_sd[c, :2]).all()
-        has_flow = wave_sd.shape[1] > 2 and np.isfinite(wave_sd[c, 2])
+        traced = np.pad(np.isfinite(wave_sd[c]), (0, 3 - wave_sd.shape[1]))
+        has_pressures, has_flow = traced[:2].all(), traced[2]
         if condition.ffr is not None and (level == "ffr" or not _has_means(condition)):
             if not has_pressures:
                 scalars[c, 2], sd[c, 2] = condition.ffr, ffr_sd
         elif level != "ffr" and not has_pressures:
             for k, value in enumerate((condition.mean_P_aorta, condition.mean_P_distal)):
-                if value is not None:
+                if value is not None and not traced[k]:
                     scalars[c, k], sd[c, k] = value, np.hypot(noise.pressure_sd, noise.offset_sd)
         if condition.mean_Q is not None and "flow" in level and not has_flow:
             scalars[c, 3], sd[c, 3] = condition.mean_Q, flow_sd * max(abs(condition.mean_Q), 0.05)
@@ -296,13 +300,13 @@ def _folded(
 ) -> tuple[np.ndarray | None, np.ndarray | None]:
     """Powers and modes of conditions with several beats; None where there are none."""
     C, S = wave_sd.shape
-    if S == 0 or not any(_repeated(c) for c in record.conditions):
+    if S == 0 or not any(is_repeated(c) for c in record.conditions):
         return None, None
     power = np.full((C, S, HARMONICS + 1), np.nan)
     modes = np.zeros((C, S, 2 * HARMONICS + 1, S * FORMS + 1))
     for c, condition in enumerate(record.conditions):
         present = [s for s in range(S) if np.isfinite(wave_sd[c, s])]
-        if not _repeated(condition) or not present:
+        if not is_repeated(condition) or not present:
             continue
         folding = condition.folding
         names = [SENSORS[s] for s in present]
@@ -333,12 +337,6 @@ def _folded(
         [modes.reshape(C, -1, modes.shape[-1]), np.zeros((C, 4, modes.shape[-1]))], 1
     )
     return power, modes
-
-
-def _repeated(condition: RecordedCondition) -> bool:
-    """Whether there are beats enough to see their scatter, or folded ones."""
-    counts = [beats.shape[0] for beats in condition.beats.values()]
-    return condition.folding is not None or min(counts, default=0) >= FEWEST_BEATS
 
 
 def stacked(records: Sequence[Measured]) -> Measured:

@@ -1,4 +1,4 @@
-"""Checks of the numbers of a record before a diagnosis."""
+"""Checks of a record before a diagnosis: its numbers, and the shapes of its beats."""
 
 import math
 from collections.abc import Iterator
@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from diagnosis.measured import SENSORS
+from diagnosis.scatter import FEWEST_BEATS
 from lumped.units import MMHG
 
 if TYPE_CHECKING:
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def check_record(record: "Record") -> None:
-    """Refuse a record with numbers that are not finite or have the wrong sign.
+    """Refuse a record whose numbers or beats cannot be used.
 
     Raises:
         ValueError: all faults at once.
@@ -35,6 +37,13 @@ def _record_faults(record: "Record") -> Iterator[str]:
         yield from _not_positive(name, getattr(record, name))
     for name in ("pressure_offset_sd", "K", "L"):
         yield from _not_positive(name, getattr(record, name), zero=True)
+    orders = [condition.order for condition in record.conditions]
+    if len(set(orders)) < len(orders) and any(condition.beats for condition in record.conditions):
+        # the recorded waveform of a condition is found by its order
+        yield (
+            f"the conditions have the orders {', '.join(map(str, orders))}; give each its own, "
+            "from 0 in order of acquisition"
+        )
 
 
 def _condition_faults(condition: "RecordedCondition") -> Iterator[str]:
@@ -53,15 +62,39 @@ def _condition_faults(condition: "RecordedCondition") -> Iterator[str]:
         )
     if condition.mean_Q is not None and not math.isfinite(condition.mean_Q):
         yield f"mean_Q = {condition.mean_Q} is not finite"
-    for name, beats in condition.beats.items():
-        shape = np.shape(beats)
-        if len(shape) != 2 or 0 in shape:
-            yield f"{name} has shape {shape}, not beats × samples"
-        elif not np.all(np.isfinite(beats)):
-            yield f"{name} has samples that are not finite"
+    yield from _beat_faults(condition)
     if condition.folding is not None:
         yield from _not_positive("folding.samples", condition.folding.samples)
         yield from _not_positive("folding.start_sd", condition.folding.start_sd, zero=True)
+
+
+def _beat_faults(condition: "RecordedCondition") -> Iterator[str]:
+    shapes = {name: np.shape(beats) for name, beats in condition.beats.items()}
+    for name, shape in shapes.items():
+        if name not in SENSORS:
+            yield f"beats of '{name}' are of no sensor; there are {', '.join(SENSORS)}"
+        if len(shape) != 2 or 0 in shape:
+            yield f"{name} has shape {shape}, not beats × samples"
+        elif shape[1] < 2:
+            yield f"{name} has one sample a beat; give its mean, or at least two samples"
+        elif not np.all(np.isfinite(condition.beats[name])):
+            yield f"{name} has samples that are not finite"
+    if any(len(shape) != 2 for shape in shapes.values()) or not is_repeated(condition):
+        return
+    if shapes and "P_aorta" not in shapes:
+        yield (
+            f"there are several beats of {', '.join(shapes)} without P_aorta; add it, or give one "
+            "mean beat"
+        )
+    if len(set(shapes.values())) > 1:
+        told = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        yield f"the sensors' beats × samples differ ({told}); give all of them alike"
+
+
+def is_repeated(condition: "RecordedCondition") -> bool:
+    """Whether there are beats enough to see their scatter, or folded ones."""
+    counts = [beats.shape[0] for beats in condition.beats.values()]
+    return condition.folding is not None or min(counts, default=0) >= FEWEST_BEATS
 
 
 def _not_positive(name: str, value: float | None, *, zero: bool = False) -> Iterator[str]:

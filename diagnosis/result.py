@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from diagnosis.effects import Effect
 from diagnosis.fit import Fitted
+from diagnosis.inlet import RECORDED
 from diagnosis.measured import Measured
 from diagnosis.predictive import Predicted
 from diagnosis.verdict import UNKNOWN, Hypothesis, Judgement
@@ -32,6 +33,8 @@ class Diagnosis(NamedTuple):
         beside: parts of the probability of "unknown", by the effects that act together with it.
         n_data: number of data.
         predicted: gain of the best hypothesis over no gap in ln predictive density.
+        own: the record with the free inlet about which hypotheses with the recorded aortic waveform
+            were fitted, see `own_inlet`; None where there are none.
     """
 
     record: Measured
@@ -48,6 +51,7 @@ class Diagnosis(NamedTuple):
     beside: Mapping[Hypothesis, float]
     n_data: int
     predicted: Predicted | None = None
+    own: Measured | None = None
 
     @property
     def base(self) -> Fitted:
@@ -64,6 +68,16 @@ class Diagnosis(NamedTuple):
     def best(self) -> Fitted:
         """The fit of the most probable hypothesis."""
         return self.fits[self.judgement.best]
+
+    def fitted_about(self, hypothesis: Hypothesis) -> tuple[Measured, tuple[Effect, ...]]:
+        """The record that a hypothesis was fitted to, and the effects that were unknowns of it.
+
+        The recorded aortic waveform is part of the record, and no unknown.
+        """
+        effects = self.acting[hypothesis]
+        if self.own is None or not effects or effects[-1].form != RECORDED:
+            return self.record, effects
+        return self.own, effects[:-1]
 
     @property
     def other_bed(self) -> float:

@@ -266,7 +266,12 @@ def _positions(path: pathlib.Path, frames: list[_Frame]) -> np.ndarray:
                 f"line {line}: frame {row['frame'][:40]!r} at position {row['position'][:40]!r}"
             )
             continue
-        table[int(number)] = position
+        if number != int(number):
+            faults.append(f"line {line}: frame number {row['frame'][:40]!r} is not a whole number")
+        elif int(number) in table:
+            faults.append(f"line {line}: frame {int(number)} stands there a second time")
+        else:
+            table[int(number)] = position
     faults.extend(
         f"frame {frame.number} is missing" for frame in frames if frame.number not in table
     )

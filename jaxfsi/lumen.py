@@ -147,8 +147,11 @@ def caliper_widths(contours: Float[Array, "frames points 2"]) -> Calipers:
     """Largest and smallest caliper width of each cross-section [cm].
 
     The width w(θ) = max p·n(θ) − min p·n(θ) is searched on directions 2° apart and then 1/16°
-    apart around the best of them. The direction itself is not differentiated: at an extremum of
-    w its derivative does not enter (envelope theorem).
+    apart around the best of them. The direction itself is not differentiated. At the largest width
+    its derivative does not enter (envelope theorem). The smallest width of a polygon lies at a kink
+    of w, along an edge of its hull, and turns with that edge: its derivative is right where the
+    outline is scaled or moved as a whole, not by single points. `fields.lumen_rings` follows the
+    edge.
 
     Args:
         contours: points of each cross-section [cm].

@@ -47,8 +47,8 @@ class Fourier(AbstractPeriodicSolver):
     reduce: bool = eqx.field(static=True, default=True)
 
     def __check_init__(self):
-        if self.n_samples < 2 or self.n_samples % 2:
-            raise ValueError(f"n_samples = {self.n_samples} must be even. Try 256.")
+        if self.n_samples < 4 or self.n_samples % 4:
+            raise ValueError(f"n_samples = {self.n_samples} must be a multiple of 4. Try 256.")
 
     @property
     def needs_index_one(self) -> bool:

@@ -89,21 +89,26 @@ def is_index_one(network: Network) -> bool:
     """Whether the closures determine the algebraic unknowns (concrete networks only)."""
     z = jnp.full(network.n_unknowns, 0.1)
     n = network.n_states
-    G_w = np.asarray(jacobian(network, 0.0, z)[n:, n:])
-    return _is_regular(G_w)
+    return _determines(np.asarray(jacobian(network, 0.0, z)[n:, n:]))
 
 
-def _is_regular(G_w: np.ndarray) -> bool:
-    if not np.all(np.isfinite(G_w)):
-        return True  # parameters that are not finite are reported by their ranges
+def _determines(G_w: np.ndarray) -> bool:
+    # parameters that are not finite are reported by their ranges
+    return not np.all(np.isfinite(G_w)) or is_regular(G_w)
+
+
+def is_regular(matrix: np.ndarray) -> bool:
+    """Whether a square matrix of a network has full rank; not where an entry is not finite."""
+    if not np.all(np.isfinite(matrix)):
+        return False
     # rows and columns carry pressures or flows: equilibrate before judging the rank
-    scaled = G_w / np.maximum(np.abs(G_w).max(axis=1, keepdims=True), 1e-300)
+    scaled = matrix / np.maximum(np.abs(matrix).max(axis=1, keepdims=True), 1e-300)
     scaled = scaled / np.maximum(np.abs(scaled).max(axis=0, keepdims=True), 1e-300)
     return bool(np.linalg.svd(scaled, compute_uv=False)[-1] > 1e-12)
 
 
 def _require_index_one(network: Network, G_w: Array) -> None:
-    if is_traced(G_w) or _is_regular(np.asarray(G_w)):
+    if is_traced(G_w) or _determines(np.asarray(G_w)):
         return
     raise ValueError(NOT_INDEX_ONE.format(", ".join(network.names)))
 

@@ -21,7 +21,7 @@ from lumped.periodic_solution import (
     PeriodicSolution,
 )
 from lumped.results import raise_unless_successful
-from lumped.statespace import is_index_one
+from lumped.statespace import is_index_one, is_regular
 from lumped.svzerod_series import merged, steady_sources
 from lumped.vessels import Vessel, VesselCRL
 
@@ -176,7 +176,7 @@ def steady_unknowns(case: SvZeroDCase) -> Float[Array, " m"]:
     z = jnp.ones(network.n_unknowns)  # the derivative of a quadratic loss vanishes at rest
     for _ in range(100):
         slope = np.asarray(jacobian(network, 0.0, z))
-        if not _is_regular(slope):
+        if not is_regular(slope):
             raise ValueError(f"{case.name} has no unique steady state to start from. {cure}")
         correction = np.linalg.solve(slope, np.asarray(network.residual(0.0, z)))
         z = z - correction
@@ -185,13 +185,6 @@ def steady_unknowns(case: SvZeroDCase) -> Float[Array, " m"]:
         if network.is_linear:
             return z
     raise ValueError(f"No steady state of {case.name} was found in 100 Newton steps. {cure}")
-
-
-def _is_regular(slope: np.ndarray) -> bool:
-    # rows and columns carry pressures or flows: equilibrate before judging the rank
-    scaled = slope / np.maximum(np.abs(slope).max(axis=1, keepdims=True), 1e-300)
-    scaled = scaled / np.maximum(np.abs(scaled).max(axis=0, keepdims=True), 1e-300)
-    return bool(np.linalg.svd(scaled, compute_uv=False)[-1] > 1e-12)
 
 
 @eqx.filter_jit

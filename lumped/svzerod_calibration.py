@@ -179,6 +179,8 @@ def write_calibrated(
         first = part.stop
     for key in ("y", "dy", "calibration_parameters"):
         config.pop(key)
+    for element in (*config["vessels"], *config["junctions"]):
+        element.pop("calibrate", None)  # which numbers were free: not a key of a case
     dump_json(path_out, config, sort_keys=True)
 
 
@@ -223,6 +225,8 @@ def _structure_faults(config: Mapping[str, Any]) -> list[str]:
         for key in ("boundary_conditions", "zero_d_element_values"):
             if not isinstance(vessel.get(key, {}), dict):
                 faults.append(f"vessel {name}: {key} is not an object")
+        if not isinstance(vessel.get("calibrate", []), list):
+            faults.append(f"vessel {name}: calibrate is not a list")
     if not config["vessels"]:
         faults.append("vessels: empty")
     faults += [f"vessel_id {k!r}: used twice" for k in identities if identities.count(k) > 1][:1]
@@ -238,6 +242,10 @@ def _structure_faults(config: Mapping[str, Any]) -> list[str]:
             )
             continue
         name = junction["junction_name"]
+        if not isinstance(junction.get("junction_values", {}), dict):
+            faults.append(f"junction {name}: junction_values is not an object")
+        if not isinstance(junction.get("calibrate", []), list):
+            faults.append(f"junction {name}: calibrate is not a list")
         unknown = [k for end in ends for k in junction[end] if k not in identities]
         if unknown:
             faults.append(f"junction {name}: no vessel has the vessel_id {unknown}")
@@ -309,7 +317,8 @@ def _outlet_values(junction: Mapping[str, Any], i: int) -> dict[str, Any]:
     values = junction.get("junction_values", {})
     if junction.get("junction_type") != "BloodVesselJunction":
         return {}
-    return {key: column[i] if i < len(column) else None for key, column in values.items()}
+    columns = {key: column if isinstance(column, list) else [] for key, column in values.items()}
+    return {key: column[i] if i < len(column) else None for key, column in columns.items()}
 
 
 def _initial(

@@ -218,11 +218,18 @@ def _entry_faults(
         and not (isinstance(given[key], list) and all(is_finite(v) for v in given[key]))
     ]
     for key in ("inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"):
-        if not isinstance(entry.get(key, []), list):
-            faults.append(f"{where}: {key} is not a list")
+        kind, known = (int, "numbers") if key.endswith("vessels") else (str, "names")
+        found = entry.get(key, [])
+        if not isinstance(found, list) or not all(isinstance(k, kind) for k in found):
+            faults.append(f"{where}: {key} is not a list of {known}")
     links = entry.get("boundary_conditions", {})
     if not isinstance(links, Mapping):
         return [*faults, f"{where}: boundary_conditions is not an object"]
+    faults += [
+        f"{where}: {end} of boundary_conditions is not a name"
+        for end in ("inlet", "outlet")
+        if not isinstance(links.get(end, ""), str)
+    ]
     return faults + _unknown(links, ("inlet", "outlet"), where)
 
 

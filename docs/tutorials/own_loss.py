@@ -14,7 +14,7 @@ What to know beforehand:
   nothing checks them.
 - ``value_and_grad`` returns what ``optax`` takes, in place of the optimiser of SciPy below.
 - The first gradient compiles for about a minute. Many steps need ``march(..., recompute=True)``,
-  which keeps few states. For the gradient by everything in the model:
+  which keeps few states. For the gradient with respect to everything in the model:
   ``eqx.filter_value_and_grad``.
 """
 

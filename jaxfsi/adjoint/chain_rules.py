@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxfsi.core.statics.equilibrium import static_factor
+from jaxfsi.core.statics.equilibrium import RESULTS, static_factor
 from jaxfsi.core.statics.loads import Loads, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.model import Model
@@ -86,12 +86,16 @@ def through_prestress(
         model: the model.
         mesh: its mesh.
         P_image: pressure of the blood in the image [dyn/cm²].
+
+    Raises:
+        ValueError: nothing holds a part of the wall.
+        RuntimeError: the equilibrium of the prestress, or its derivative, was not found.
     """
     if model.prestress is None:
         return PrestressDerivative(jnp.zeros_like(model.x), 0.0, 0.0, 0.0)
     factor = static_factor(model)
 
-    def stress(numbers: tuple[Array, ...]) -> Array:
+    def stress(numbers: tuple[Array, ...]) -> tuple[Any, RESULTS]:
         x, E, nu, P = numbers
         free = eqx.tree_at(
             lambda m: (m.x, elastic(m).E, elastic(m).nu, m.P_ambient, m.prestress),
@@ -100,17 +104,27 @@ def through_prestress(
             is_leaf=lambda leaf: leaf is None,
         )
         pull = pressure_load(mesh, OUTER_WALL, -P, free)
-        found = prestressed(free, Loads((pull,)), factor, throw=False).model.prestress
-        assert found is not None
-        return found
+        found = prestressed(free, Loads((pull,)), factor, throw=False)
+        assert found.model.prestress is not None
+        return found.model.prestress, found.result
 
     @eqx.filter_jit
     def pulled(numbers, cotangent):
-        return jax.vjp(stress, numbers)[1](cotangent)[0]
+        _, pull_back, result = jax.vjp(stress, numbers, has_aux=True)
+        return pull_back(cotangent)[0], result
 
     law = elastic(model)
     numbers = (model.x, *(jnp.asarray(v, float) for v in (law.E, law.nu, P_image)))
-    return PrestressDerivative(*pulled(numbers, by_model.prestress))
+    slopes, result = pulled(numbers, by_model.prestress)
+    if result != RESULTS.successful:
+        raise RuntimeError(f"The prestress cannot be differentiated. {RESULTS[result]}")
+    if not all(bool(jnp.all(jnp.isfinite(slope))) for slope in slopes):
+        raise RuntimeError(
+            "The derivative through the prestress is not finite: its linear system was not solved,"
+            " or the derivative by the prestress is not finite itself. Check mesh and moduli of the"
+            " wall, and shorten the steps of the run."
+        )
+    return PrestressDerivative(*slopes)
 
 
 def recalibrated(

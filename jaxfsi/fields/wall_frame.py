@@ -23,6 +23,9 @@ _FEWEST = 16
 
 _TURNED = 1.0 / 6.0
 
+_MOST = 20_000_000
+"""Numbers gathered at once, which bounds the memory of fine meshes."""
+
 
 class WallFrame(NamedTuple):
     """Unit vectors in each tetrahedron of the wall; which way along a line they point is open.
@@ -84,11 +87,14 @@ def _lumen_frame(
     tree, axis = KDTree(middle), np.zeros_like(normal)
     left, count = np.arange(len(faces)), min(_FEWEST, len(faces))
     while len(left):
-        near = tree.query(middle[left], count)[1].reshape(len(left), -1)
-        values, vectors = np.linalg.eigh(weighted[near].sum(axis=1))
-        done = (values[:, 1] >= _TURNED * values[:, 2]) | (count == len(faces))
-        axis[left[done]] = vectors[done, :, 0]
-        left, count = left[~done], min(2 * count, len(faces))
+        still = []
+        for part in np.array_split(left, -(-9 * count * len(left) // _MOST)):
+            near = tree.query(middle[part], count)[1].reshape(len(part), count)
+            values, vectors = np.linalg.eigh(weighted[near].sum(axis=1))
+            done = (values[:, 1] >= _TURNED * values[:, 2]) | (count == len(faces))
+            axis[part[done]] = vectors[done, :, 0]
+            still.append(part[~done])
+        left, count = np.concatenate(still), min(2 * count, len(faces))
     axis -= np.sum(axis * normal, axis=1)[:, None] * normal
     length = np.linalg.norm(axis, axis=1)[:, None]
     return normal, axis / np.where(length > 0.0, length, 1.0)

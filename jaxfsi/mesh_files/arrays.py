@@ -89,15 +89,15 @@ def cell_values(
     """Integer data on the cells of one kind, blocks joined; None where the file has none.
 
     Raises:
-        MeshFileError: the values are not whole numbers.
+        MeshFileError: the values are not whole numbers, one a cell.
     """
     if name not in file.cell_data:
         return None
     blocks = zip(file.cells, file.cell_data[name], strict=True)
-    values = np.concatenate(
-        [np.zeros(0), *(np.asarray(data) for block, data in blocks if block.type == kind)]
-    )
-    return whole_numbers(values, name, path)
+    values = [
+        whole_numbers(np.asarray(data), name, path) for block, data in blocks if block.type == kind
+    ]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *values])
 
 
 def whole_numbers(values: np.ndarray, name: str, path: pathlib.Path) -> Int[np.ndarray, " values"]:

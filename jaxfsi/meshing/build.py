@@ -237,7 +237,7 @@ def _fitting(
     if kept >= LEAST_SEPTUM:
         return made, notes, stages
     closer = attempt._replace(deviation=_CLOSER * attempt.deviation)
-    with contextlib.suppress(MeshingError):
+    with contextlib.suppress(MeshingError, ValueError):  # what was made is good enough
         more = _Stages(stages.progress)
         again, others = _attempted(anatomy, closer, request, more)
         keeps, wedges = _septum_kept(again[-1]), len(again[0].wedges)

@@ -128,7 +128,7 @@ class Waveforms:
 
     Attributes:
         t_s: times [s].
-        P_aorta_mmHg: pressure at the inlet of the aorta.
+        P_aorta_mmHg: pressure at the inlet.
         P_distal_mmHg: pressure at the outlet.
         Q_ml_per_min: flow through it.
     """
@@ -147,11 +147,14 @@ def waveforms(record: StepHistory, names: Sequence[str], distal: str, most: int)
         names: of the ports of its model, in their order.
         distal: name of the outlet.
         most: samples at most.
+
+    Raises:
+        ValueError: no port is an inlet.
     """
     some = slice(None, None, max(1, -(-record.n_steps // most)))
     columns = (
         record.t,
-        port_pressure(record, names, INLET) / MMHG,
+        port_pressure(record, names, inlet_name(names)) / MMHG,
         port_pressure(record, names, distal) / MMHG,
         port_flow(record, names, distal) / ML_PER_MIN,
     )

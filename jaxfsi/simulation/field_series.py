@@ -123,9 +123,11 @@ def frame_fields(model: Model, state: State, patches: WallPatches | None) -> tup
 @quick_jit
 def _fields(model: Model, state: State, patches: WallPatches | None):
     displacement = jnp.where(model.in_solid, state.d, state.d_mesh)
+    # the node from which the pressure may count is one of the blood, though it is no unknown there
+    wet = jnp.zeros(model.n_nodes, bool).at[model.fluid_tets].set(True)
     points = {
         "velocity_cm_per_s": state.u.T,
-        "pressure_mmHg": jnp.where(model.in_fluid, state.p, jnp.nan) / MMHG,
+        "pressure_mmHg": jnp.where(wet, state.p, jnp.nan) / MMHG,
         "displacement_cm": displacement.T,
     }
     points = {name: field[: model.n_vertices] for name, field in points.items()}

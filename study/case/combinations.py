@@ -154,7 +154,7 @@ def _check_means(values: Mapping[str, Any], heading: str, context: Context) -> N
 
 
 def _check_uncertainty(values: Mapping[str, Any], context: Context) -> None:
-    """Refuse a range of venous pressures that is none, and a flow reserve at rest."""
+    """Refuse a range of venous pressures that is none, a deviation of nothing, iFR under stress."""
     known = values.get("uncertainty") or {}
     low, high = known.get("P_venous_low"), known.get("P_venous_high")
     if low is not None and high is not None and not low < high:
@@ -166,13 +166,14 @@ def _check_uncertainty(values: Mapping[str, Any], context: Context) -> None:
             f"above {low / MMHG:g}",
         )
     for name, entry in values["condition"].items():
-        if entry.get("flow_reserve") is None and entry.get("flow_reserve_sd") is not None:
-            context.add(
-                f"condition.{name}.flow_reserve_sd",
-                entry["flow_reserve_sd"],
-                "a standard deviation without its flow reserve",
-                "add flow_reserve, or leave flow_reserve_sd out",
-            )
+        for key in () if context.faults else ("flow_reserve", "ffr"):  # a refused number is None
+            if entry.get(key) is None and entry.get(f"{key}_sd") is not None:
+                context.add(
+                    f"condition.{name}.{key}_sd",
+                    entry[f"{key}_sd"],
+                    f"a standard deviation without its {key}",
+                    f"add {key}, or leave {key}_sd out",
+                )
         if name != "rest" and entry.get("ifr") is not None:
             context.add(
                 f"condition.{name}.ifr",

@@ -150,7 +150,9 @@ def complete(
     rest = values["condition"].get("rest")
     if rest is not None and usual.has("left_flow") and not context.faults:
         mean = (rest["P_systolic"] + 2.0 * rest["P_diastolic"]) / 3.0
-        normal = _beds(usual, values, document.get("coronary", {}), artery, mean)
+        venous = (values["coronary"] or {}).get("P_venous")
+        if venous is not None and venous < mean:  # else nothing flows, which `check_case` refuses
+            normal = _beds(usual, values, document.get("coronary", {}), artery, mean)
         _assume_loss(usual, values, rest["ffr"], mean, artery)
     notices = tuple(_notices(usual, values["anatomy"], area))
     return FromBody(dict(usual.assumed), area, normal, notices)

@@ -103,7 +103,7 @@ class WallParameters:
         Number,
         Quantity(
             "number", "", 0.01, 1.0,
-            text="wall over local radius, or { factor = ..., min_mm = ..., max_mm = ... }",
+            text="over the radius, 0.5 to 1.5 mm; or { factor = ..., min_mm = ..., max_mm = ... }",
         ),
     ] = 0.1  # fmt: skip
     thickness_min: Number | None = None
@@ -178,10 +178,12 @@ class ThicknessBounds:
         Number, Quantity("number", "", 0.01, 1.0, text="wall thickness over local radius")
     ] = WallParameters.thickness_per_radius
     min: Annotated[
-        Number | None, Quantity("length", "mm", 0.01, 5.0, text="smallest thickness", example=0.3)
+        Number | None,
+        Quantity("length", "mm", 0.01, 5.0, text="least thickness; else 0.5 mm", example=0.3),
     ] = None
     max: Annotated[
-        Number | None, Quantity("length", "mm", 0.05, 10.0, text="largest thickness", example=2.0)
+        Number | None,
+        Quantity("length", "mm", 0.05, 10.0, text="largest; else 1.5 mm", example=2.0),
     ] = None
 
 
@@ -207,7 +209,9 @@ class CoronaryParameters:
         Number,
         Quantity("compliance", "cm5_per_dyn", 1.0e-10, 1.0e-4, text="intramyocardial compliance"),
     ] = NOMINAL["C_im"]
-    P_venous: Annotated[Number, Quantity("pressure", "mmHg", -5.0, 40.0, text="behind R_3")] = 0.0
+    P_venous: Annotated[
+        Number, Quantity("pressure", "mmHg", -5.0, 40.0, text="behind R_3; 0: see [uncertainty]")
+    ] = 0.0
     im_factor: Annotated[
         Number,
         Quantity(

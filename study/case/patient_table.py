@@ -212,6 +212,7 @@ def _place(row: _Row, column: str) -> str:
 
 def _patient(file: pathlib.Path, row: _Row, keys: Mapping[str, Key], command: str) -> PatientRow:
     """The patient of a row; faults of its keys name row and column."""
+    _refuse_both(file, row)
     document: dict[str, Any] = {}
     for name, cell in row.cells.items():
         if cell:
@@ -248,9 +249,20 @@ def _put(document: dict[str, Any], name: str, value: Any) -> None:
     place = document
     for table in tables:
         place = place.setdefault(table, {})
-        if not isinstance(place, dict):  # both a number and a table: the reader refuses it
-            return
     place[last] = value
+
+
+def _refuse_both(file: pathlib.Path, row: _Row) -> None:
+    """A key that is a number or a table is given as one of the two."""
+    given = [name for name, cell in row.cells.items() if cell]
+    faults = [
+        _fault(file, row, name, row.cells[name], f"given beside {other}", "leave one of them empty")
+        for name in given
+        for other in given
+        if other.startswith(f"{name}.")
+    ]
+    if faults:
+        raise CaseError(faults)
 
 
 def toml_text(document: Mapping[str, Any]) -> str:

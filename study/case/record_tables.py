@@ -46,12 +46,25 @@ def read_record_tables(document: dict[str, Any], context: Context) -> dict[str, 
     names = [c["name"] for c in found if c["name"]]
     for name in {n for n in names if names.count(n) > 1}:
         context.add(f"condition.{name}", name, "two conditions have this name", "rename one")
+    _check_order_of_conditions(found, context)
     return {
         "id": _read_id(document, context),
         "noise": noise,
         "prior": _read_losses(document, context),
         "condition": found,
     }
+
+
+def _check_order_of_conditions(found: list[dict[str, Any]], context: Context) -> None:
+    """Each condition was measured at a place of its own: its own waveform is found by it."""
+    of_place: dict[int, str] = {}
+    for condition in found:
+        place, heading = condition["order"], condition["heading"]
+        if place in of_place:
+            problem = f"{of_place[place]} has this place too"
+            cure = "give each condition its own order, from 0; or leave all of them out"
+            context.add(f"{heading}.order", place, problem, cure)
+        of_place.setdefault(place, heading)
 
 
 def old_spelling(document: dict[str, Any]) -> list[str]:

@@ -150,7 +150,8 @@ def short(value: float) -> str:
 def written(value: Any) -> str:
     """A value as TOML."""
     if isinstance(value, bool | str | int):
-        return json.dumps(value)
+        # JSON escapes characters beyond 16 bits in pairs, which TOML does not know
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     size = abs(value)
     if size >= 1e4 or 0.0 < size < 1e-3:
         mantissa, _, exponent = f"{value:.9e}".partition("e")

@@ -45,7 +45,7 @@ def _requirements(case: Case, command: str, mesh: Mesh | None) -> None:
     require(case, command)
     if mesh is not None and command in ("simulate", "study"):
         check_openings(case, mesh, rigid=False, segment=command == "simulate")
-    elif command == "study":
+    if command == "study":
         check_study(case, StudyChoice())
     if command == "simulate":
         check_simulation(case, next(iter(case.conditions), "rest"), rigid=False, dt=None)

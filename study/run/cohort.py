@@ -79,7 +79,8 @@ def run_cohort(
             many cases are finished.
     """
     at_a_time = max(1, workers or len(cores()))
-    known = {member.name: finished_member(member, mode, extra) for member in members}
+    keys = {member.name: _key(member, mode, extra) for member in members}
+    known = {member.name: _kept(member, mode, keys[member.name]) for member in members}
     results = {name: result for name, result in known.items() if result is not None}
     begun, done = time.monotonic(), 0
     at = executor or LocalProcesses(workers)
@@ -100,8 +101,8 @@ def run_cohort(
                     _submit(place, pending, case.again())
                     continue
                 start = looked if case.begun is None else case.begun
-                found = _ended(case.member, mode, extra, status, start, reason)
-                results[case.member.name] = found
+                name = case.member.name
+                results[name] = _ended(case.member, mode, keys[name], status, start, reason)
                 done += 1
             if tell is not None:
                 spent = time.monotonic() - begun
@@ -213,9 +214,21 @@ def _result_file(member: Member, mode: Mode) -> pathlib.Path:
 
 def finished_member(member: Member, mode: Mode, extra: Sequence[str]) -> MemberResult | None:
     """What became of a case before; None where it must be run."""
+    return _kept(member, mode, _key(member, mode, extra))
+
+
+def _key(member: Member, mode: Mode, extra: Sequence[str]) -> str | None:
+    """Its `member_key`; None where the case cannot be read, which its own process will say."""
+    try:
+        return member_key(member, mode, extra)
+    except (OSError, ValueError):
+        return None
+
+
+def _kept(member: Member, mode: Mode, key: str | None) -> MemberResult | None:
     try:
         status = json.loads(regular_text(member.folder / STATUS_FILE))
-        if status["key"] != member_key(member, mode, extra) or status["status"] != 0:
+        if key is None or status["key"] != key or status["status"] != 0:
             return None
         seconds = float(status["seconds"])
         document = load_document(_result_file(member, mode))
@@ -227,11 +240,12 @@ def finished_member(member: Member, mode: Mode, extra: Sequence[str]) -> MemberR
 def _ended(
     member: Member,
     mode: Mode,
-    extra: Sequence[str],
+    key: str | None,
     status: int,
     start: float,
     lost: str = "",
 ) -> MemberResult:
+    """What became of a case; `key` is that of its input before it began, which may change."""
     seconds = time.monotonic() - start
     document, reason = None, ""
     if status == 0:
@@ -239,7 +253,7 @@ def _ended(
             document = load_document(_result_file(member, mode))
         except CaseError as error:
             return MemberResult(member, 1, seconds, None, " ".join(str(error).split()))
-        kept = {"key": member_key(member, mode, extra), "status": 0, "seconds": seconds}
+        kept = {"key": key, "status": 0, "seconds": seconds}
         write_whole(member.folder / STATUS_FILE, json.dumps(kept))
     elif lost:
         again = f"submitted {MOST_AGAIN + 1} times and lost each time"

@@ -27,6 +27,9 @@ from study.store.result_files import CHECKPOINT_FILE, IN_3D_FOLDER, STAGE_FOLDER
 KEPT, BEGUN, ANEW = "kept", "goes on", "to compute"
 """States of a part."""
 
+_STUDY_PARTS = ("3D:", "deriv", "ramp", "uncertainty")
+"""How names of the parts of a study begin that are runs in 3D, or that follow from them."""
+
 
 @dataclasses.dataclass(frozen=True)
 class DryPart:
@@ -96,7 +99,7 @@ def dry_run_of_study(options: StudyOptions, case: Case, folder: pathlib.Path) ->
         state = _run_state(folder, run.name, after=ramp.state)
         parts.append(DryPart(algorithm.run_step(run), state, steps[algorithm.run_step(run)]))
     known = {part.name for part in parts}
-    others = [name for name in steps if name not in known and name.startswith(("3D:", "deriv"))]
+    others = [name for name in steps if name not in known and name.startswith(_STUDY_PARTS)]
     return [*parts, *(DryPart(name, ANEW, steps[name]) for name in others)]
 
 

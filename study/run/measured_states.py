@@ -12,6 +12,7 @@ from jaxtyping import Float
 from calibration import LumenProfile, lumen_profile
 from calibration.lumen_record import frame_distance
 from jaxfsi import Lumen, read_ivus_contours
+from jaxfsi.contours import read_frames
 from jaxfsi.text_files import read_table
 from lumped.units import MM, MMHG
 from study.case.anatomy import IvusAnatomy, IvusState
@@ -109,8 +110,7 @@ def _registration(case: Case, place: str, state: IvusState) -> list[Fault]:
     if state.frame_table is None:
         return []  # the last frame is the ostium
     lumen = _lumen(case, state)
-    frames = {line.split("\t", 1)[0] for line in state.contours.read_text("utf-8-sig").splitlines()}
-    numbers = {float(frame) for frame in frames if frame.strip()}
+    numbers = read_frames(state.contours).keys()
     first = min(
         float(row["position"])
         for _, row in read_table(state.frame_table)

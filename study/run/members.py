@@ -79,7 +79,10 @@ def find_members(folder: pathlib.Path, out: pathlib.Path) -> list[Member]:
         for path in sorted(folder.glob("*/case.toml")):
             found[path.parent.name] = path
         for path in sorted(folder.glob("*.toml")):
-            found.setdefault(path.stem, path)
+            if path.stem in found:
+                problem = f"{path.name} and {path.stem}/{CASE_FILE} are both the case {path.stem}"
+                raise CaseError([Fault(folder, "", None, problem, "", "rename one of the two")])
+            found[path.stem] = path
     if not found:
         cure = "give a folder with NAME/case.toml or NAME.toml, one for each patient"
         problem = "no case in it" if folder.is_dir() else "no such folder"

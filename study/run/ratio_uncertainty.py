@@ -92,8 +92,8 @@ def _uncertain(
     model, response = stress_model(patient, name), response_to_stress(case, name)
     reserve = _reserve(entry)
     measured = [] if reserve is None else [Evidence(model.reserve, *reserve)]
-    inputs = condition_inputs(patient, name)
     try:
+        inputs = condition_inputs(patient, name)
         found = ratio_uncertainty(
             model, inputs, measured, runs_in_3d=runs_in_3d, n_samples=n_samples
         )

@@ -43,7 +43,7 @@ from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import State, initial_state
 from jaxfsi.core.step.stepper import Stepper, prepare
 from jaxfsi.mesh import Mesh
-from jaxfsi.opening import INLET, distal_name
+from jaxfsi.opening import distal_name, inlet_name
 from lumped import StressRule
 from lumped.parameters import Parameter
 from study.case.model import Case
@@ -193,7 +193,7 @@ def reading_of(setup: Setup, site: np.ndarray | None) -> RatioSensors:
     distal = distal_name(names)
     assert distal is not None, "checked by check_openings"
     nodes = None if site is None else jnp.asarray(site)
-    return RatioSensors(nodes, names.index(distal), names.index(INLET))
+    return RatioSensors(nodes, names.index(distal), names.index(inlet_name(names)))
 
 
 def by_parameters(

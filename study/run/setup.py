@@ -98,7 +98,7 @@ def check_simulation(case: Case, condition: str, *, rigid: bool, dt: float | Non
             problem = "the cardiac output is missing; the Windkessel of the aorta follows from it"
             cure = "add cardiac_output_l_per_min below [condition.rest]"
             key = f"condition.{condition}.cardiac_output_l_per_min"
-            faults.append(Fault(case.path, key, None, problem, "0.3 to 40 l/min", cure))
+            faults.append(Fault(case.path, key, None, problem, "0.15 to 40 l/min", cure))
         step = dt or case.solver.dt or STEP
         if step > entry.period / 20.0:
             problem = f"a step of {step:g} s is more than a twentieth of the cycle"

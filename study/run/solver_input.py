@@ -10,6 +10,7 @@ is left out or replaced, and a comment in the file says so:
 """
 
 import math
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
@@ -99,12 +100,14 @@ def input_or_reason(
     try:
         return solver_input(case, condition, mesh, unit), ""
     except CaseError as refusal:
-        fault = refusal.faults[0]
-        return {}, f"no {INPUT_FILE} for svMultiPhysics was written: {fault.problem}"
+        reason = refusal.faults[0].problem
+    except RuntimeError as failure:  # no periodic state in 0D to start from
+        reason = str(failure)
+    return {}, f"no {INPUT_FILE} for svMultiPhysics was written: {reason}"
 
 
 def _say(parent: ET.Element, text: str) -> None:
-    parent.append(ET.Comment(f" {text.replace('--', '-')} "))
+    parent.append(ET.Comment(f" {re.sub('-{2,}', '-', text)} "))
 
 
 def _put(parent: ET.Element, name: str, value: object, **attributes: str) -> ET.Element:

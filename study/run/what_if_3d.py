@@ -70,17 +70,22 @@ def what_if_3d(
     law = fitted(ramp_record(context, choice.ramp), choice.ramp).fit.law
     R0, K = float(law.R0), float(law.K)
     context = with_curve(context, R0, K)
-    ratios, remarks = [], []
+    ratios, remarks, rest = [], [], None
     for run in before.runs:
         planned = PlannedRun(RunId(LOOP, run.condition, run.rule), before.alpha)
         rule = f", rule {run.rule}" if run.rule else ""
         progress.step(f"3D: {run.condition}{rule}, after the operation")
+        after = None
         try:
-            after = fsi_run(context, planned)
+            after = fsi_run(context, planned, before=rest if run.rule else None)
         except LumenCollapsed as end:
-            after = None
             remarks.append(f"{run.condition}{rule}, after the operation: {end}")
         ratios.append(_ratio(case, run, after))
+        if choice.run.continued and not run.rule:
+            if after is None:
+                remarks.append("runs under stress go on from the end of rest: there is none")
+                break
+            rest = planned
     return WhatIf(
         operation=operation.kind,
         diameter_mm=None if operation.diameter is None else operation.diameter / MM,

@@ -264,7 +264,7 @@ def _digests(names: Sequence[str]) -> dict[str, str]:
     path = None if folder is None else folder / "numerics.json"
     kept: dict[str, str] = {}
     if path is not None:
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, TypeError):
             kept = dict(json.loads(regular_text(path)))
     way = (ROOT / "study/store/numerics_manifest.py").read_bytes()  # read another way
     found, fresh = {}, {}

@@ -19,6 +19,7 @@ from study.store.result_files import (
     STUDY_FILE,
     SWEEP_FILE,
     WALL_FILE,
+    WHAT_IF_FILE,
 )
 from study.store.stored_parts import Damage, Trail, last_read, parse
 
@@ -43,6 +44,7 @@ _FILES = (
     CALIBRATION_FILE,
     SWEEP_FILE,
     WALL_FILE,
+    WHAT_IF_FILE,
 )
 """Documents of a folder; where it holds more than one, the first is shown."""
 

@@ -175,6 +175,14 @@ def test_infeasible_targets_are_refused_with_a_cure(surrogate, target, words):
             solve(surrogate, REST, target)
 
 
+def test_a_loose_bisection_succeeds_as_loosely():
+    fine, loose = (
+        bisect_alpha(LINEAR, REST, 0.88, tolerance=t, solver=Fourier(32)) for t in (1e-10, 1e-3)
+    )
+    assert float(loose.alpha) == pytest.approx(float(fine.alpha), rel=2e-3)
+    assert int(loose.iterations) < int(fine.iterations) / 2
+
+
 def test_bracket_without_root_is_a_failure_with_a_cure():
     with pytest.raises(RuntimeError, match="bracket"):
         bisect_alpha(LINEAR, REST, 0.9, bracket=(10.0, 20.0), solver=Fourier(32))

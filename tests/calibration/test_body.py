@@ -28,6 +28,15 @@ def test_surface_of_a_body():
     assert float(body_surface_area(CHILD)) == pytest.approx((139 * 32 / 3600) ** 0.5, rel=0.02)
 
 
+def test_a_number_that_the_body_lacks_is_named():
+    with pytest.raises(ValueError, match=r"no weight_kg and no height\. Give weight_kg"):
+        body_surface_area(Body(age_years=10.0))
+    with pytest.raises(ValueError, match="no male"):
+        systolic_pressure(Body(None, 139.0, 10.2))
+    with pytest.raises(ValueError, match="no age_years"):
+        resting_period(Body(32.0, 139.0))
+
+
 @pytest.mark.parametrize(("age", "rate"), [(5.0, 96.0), (13.5, 78.0), (40.0, 72.0)])
 def test_rate_meets_the_national_means(age, rate):
     # Ostchega et al. 2011; their standard errors are 0.2 to 0.5

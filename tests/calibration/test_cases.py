@@ -51,6 +51,11 @@ def derivatives():
     return [np.asarray(value) for value in (*slopes, many)]
 
 
+def test_cases_may_be_arrays_of_numpy():
+    found = map_cases(lambda x: 2.0 * x, np.arange(5.0), batch_size=2)
+    np.testing.assert_array_equal(found, 2.0 * np.arange(5.0))
+
+
 def test_two_devices_give_what_one_gives(tmp_path):
     kept = tmp_path / "two.npz"
     flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=2"

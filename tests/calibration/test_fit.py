@@ -368,6 +368,9 @@ def test_batch_names_the_cases_that_failed():
         fit_batch(start, ["a"], Decay(jnp.array([1.2, jnp.nan])))
     with pytest.raises(ValueError, match="Leading axes"):
         fit_batch({"a": jnp.ones(3)}, ["a"], Decay(jnp.array([1.2, 1.1])))
+    for options, words in (({"starts": 0}, "0 starts"), ({"chunk": 0}, "chunk = 0")):
+        with pytest.raises(ValueError, match=words):
+            fit_batch(start, ["a"], Decay(jnp.array([1.2, 1.1])), **options)
     own = fit_batch({"a": jnp.array([1.0, 0.5])}, ["a"], Decay(jnp.array([1.2, 0.7])))
     # noise-free
     np.testing.assert_allclose(own.model["a"], [1.2, 0.7], rtol=1e-10)

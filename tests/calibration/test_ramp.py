@@ -120,3 +120,5 @@ def test_faulty_ramps_are_refused():
     few = RampRecord(*(column[:5] for column in _columns()))
     with pytest.raises(ValueError, match="too few"):
         fit_ramp(few)
+    with pytest.raises(ValueError, match="too few"):
+        fit_ramp([_record(), few])

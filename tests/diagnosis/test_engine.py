@@ -69,6 +69,16 @@ def test_each_optimum_is_fitted_once():
     assert engine._distinct(x, np.array([0, 1, 0, 1, 1])).tolist() == [0, 1, 3, 4]
 
 
+def test_a_program_that_cannot_be_serialised_is_not_kept(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise ValueError("an operation of no stable version")
+
+    program = jax.export.export(jax.jit(lambda x: x + 1.0))(jax.ShapeDtypeStruct((), float))
+    monkeypatch.setattr(jax.export.Exported, "serialize", refuse)
+    programs._write(tmp_path / "folder" / "a", program)
+    assert list((tmp_path / "folder").iterdir()) == []
+
+
 def test_a_program_is_traced_once_for_all_processes(tmp_path, monkeypatch):
     """What a process has traced another one reads; a broken file is traced again."""
     effects = CATALOGUE[2:4]

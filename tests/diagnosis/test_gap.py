@@ -29,6 +29,11 @@ def test_gap_refuses_an_error_that_is_not_positive(sd):
         ratio_gap(0.8, 0.8, sd)
 
 
+def test_traced_numbers_out_of_range_make_all_of_a_gap_no_number():
+    for bad in ((0.8, 0.7, -0.02), (0.8, 0.7, 0.0), (0.8, 0.7, math.nan), (math.inf, 0.7, 0.02)):
+        assert all(math.isnan(value) for value in jax.jit(ratio_gap)(*bad)), bad
+
+
 def test_gap_of_a_batch_equals_the_loop_and_jit():
     predicted, measured = jnp.array([0.7, 0.8, 0.95]), jnp.array([0.75, 0.8, 0.91])
     batch = jax.jit(ratio_gap)(predicted, measured)

@@ -161,6 +161,8 @@ def test_unreadable_files_are_refused(tmp_path):
         ("frame,position\n0,1\n10,2\n", "frame 20 is missing"),
         ("frame,position\n0,1\n10,?\n20,3\n", "line 3"),
         ("frame,position\n0,1\n10,1\n20,3\n", "share one position"),
+        ("frame,position\n0,1\n10.7,2\n20,3\n", r"line 3: frame number '10\.7' is not a whole"),
+        ("frame,position\n0,1\n10,2\n20,3\n10,4\n", "line 5: frame 10 .* a second time"),
     ],
 )
 def test_faulty_frame_table_is_refused(tmp_path, text, said):

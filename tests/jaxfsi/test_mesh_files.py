@@ -3,6 +3,7 @@ import importlib.util
 import json
 import pathlib
 
+import meshio
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -22,6 +23,7 @@ from jaxfsi.mesh_files import (
     write_vtu,
 )
 from jaxfsi.mesh_files.lengths import check_unit
+from jaxfsi.mesh_files.refusal import MeshFileError
 from jaxfsi.mesh_parts import reordered, scaled
 from jaxfsi.meshing import check_topology, labelled_mesh, tube
 
@@ -218,6 +220,17 @@ def test_xdmf_without_its_package_or_arrays_says_so(tmp_path, walled, monkeypatc
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match="need the package h5py"):
         read_mesh(path, unit="cm")
+
+
+@pytest.mark.parametrize("name", ["region", "label"])
+def test_data_of_several_numbers_a_cell_are_refused(tmp_path, walled, name):
+    path = tmp_path / "tube.vtu"
+    write_vtu(path, walled, unit="cm")
+    file = meshio.read(path)
+    file.cell_data[name] = [np.stack([values] * 3, axis=1) for values in file.cell_data[name]]
+    file.write(path)
+    with pytest.raises(MeshFileError, match=rf"'{name}' of .*tube\.vtu.* one whole number each"):
+        read_vtu(path, unit="cm")
 
 
 def test_another_programs_json_is_not_overwritten(tmp_path, walled):

@@ -214,6 +214,19 @@ def test_ends_are_named_by_the_user_and_cuts_are_added(branching):
         surface_anatomy(branching, unit="cm", cuts={"side": Cut([3.0, 0, 0], [1.0, 0, 0], 0.2)})
 
 
+def test_a_surface_without_flat_ends_is_opened_by_its_cuts():
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=1.0)
+    points = np.asarray(ball.vertices) * [1.0, 1.0, 2.0]
+    cuts = {
+        "aorta_inlet": Cut([0.0, 0.0, -1.2], [0.0, 0.0, -1.0], 0.8),
+        "aorta_outlet": Cut([0.0, 0.0, 1.2], [0.0, 0.0, 1.0], 0.8),
+    }
+    rounded = Triangles(points, np.asarray(ball.faces, dtype=np.int64))
+    anatomy = surface_anatomy(rounded, unit="cm", cuts=cuts)
+    assert [opening.name for opening in anatomy.openings] == list(cuts)
+    assert anatomy.centerlines == {}
+
+
 @pytest.mark.parametrize(
     "name",
     [

@@ -410,6 +410,7 @@ def test_stiff_networks_are_solved(C0, rest, solved, reference):
     "make",
     [
         lambda: Fourier(5),
+        lambda: Fourier(50),
         lambda: Fourier(0),
         lambda: Propagator(0),
         lambda: Shooting(0),

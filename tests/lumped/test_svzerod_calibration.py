@@ -141,10 +141,12 @@ def test_lists_of_free_parameters_are_read(tmp_path):
 
 def test_written_case_carries_the_parameters_and_nothing_of_the_calibration(tmp_path):
     config = bifurcation()
+    config["vessels"][1]["calibrate"] = config["junctions"][0]["calibrate"] = ["L"]
     path = write(tmp_path, config)
     out = tmp_path / "out.json"
     write_calibrated(path, arrays(3), out, junctions=arrays(2))
     found = json.loads(out.read_text())
+    assert not any("calibrate" in one for one in (*found["vessels"], *found["junctions"]))
     assert found["vessels"][1]["zero_d_element_values"] == {
         "R_poiseuille": 1.0,
         "C": 1.1,
@@ -190,6 +192,15 @@ def test_junctions_stay_where_no_values_are_given(tmp_path):
         (lambda c: c["junctions"][0].update(inlet_vessels=[7, 7]), "exactly one inlet"),
         (lambda c: c["vessels"][0]["zero_d_element_values"].update(L="x"), "L: an initial value"),
         (lambda c: c["vessels"][0].update(zero_d_element_values=3), "root: zero_d_element_values"),
+        (lambda c: c["vessels"][0].update(calibrate=True), "root: calibrate is not a list"),
+        (lambda c: c["junctions"][0].update(calibrate=True), "J0: calibrate is not a list"),
+        (lambda c: c["junctions"][0].update(junction_values=3), "J0: junction_values is not an"),
+        (
+            lambda c: c["junctions"][0].update(
+                junction_type="BloodVesselJunction", junction_values={"L": 1.0}
+            ),
+            "L: an initial value",
+        ),
         (
             lambda c: c["junctions"][0].update(
                 junction_type="BloodVesselJunction", junction_values={"L": [1.0]}

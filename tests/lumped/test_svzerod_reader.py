@@ -256,6 +256,18 @@ def drop(i, key):
         ),
         (lambda c: c["junctions"][0].update(inlet_vessels=[99]), "no vessel has the vessel_id 99"),
         (
+            lambda c: c["junctions"][0].update(inlet_vessels=[[3]]),
+            "J0: inlet_vessels is not a list of numbers",
+        ),
+        (
+            lambda c: c["junctions"][0].update(inlet_blocks=[{}]),
+            "J0: inlet_blocks is not a list of names",
+        ),
+        (
+            lambda c: c["vessels"][0]["boundary_conditions"].update(inlet=["IN"]),
+            "vessel root: inlet of boundary_conditions is not a name",
+        ),
+        (
             lambda c: c["junctions"][0].update(outlet_vessels="8"),
             "J0: outlet_vessels is not a list",
         ),

@@ -183,8 +183,13 @@ def sample_measures(generator: np.random.Generator, n: int) -> Measures:
 
     Args:
         generator: source of random numbers.
-        n: number of patients.
+        n: number of patients, at least one.
+
+    Raises:
+        ValueError: n is less than one.
     """
+    if n < 1:
+        raise ValueError(f"cannot draw the measures of {n} patients. Ask for at least one.")
     root = np.linalg.cholesky(_CORRELATION)
     kept: list[np.ndarray] = []
     while sum(len(part) for part in kept) < n:

@@ -169,8 +169,14 @@ def first_clear(aorta: AorticAxis, axis: Curve, least: float, clearance: float) 
         clearance: distance from the aortic lumen [cm].
 
     Raises:
-        ValueError: there is none.
+        ValueError: the axis ends before, or there is none.
     """
+    if axis.s[-1] < least:
+        raise ValueError(
+            f"the centre line of the coronary is too short: it ends {axis.s[-1]:.3g} cm from the"
+            f" ostium, and is cut {least:.3g} cm from it at the earliest. Give a longer centre"
+            " line, or ask for a shorter vessel."
+        )
     outside = np.flatnonzero((axis.s >= least) & (aortic_gap(aorta, axis.points) >= clearance))
     if len(outside) == 0:
         raise ValueError(

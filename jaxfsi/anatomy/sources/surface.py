@@ -364,9 +364,12 @@ def _centerlines(
 ) -> dict[str, Centerline]:
     """The way from the inlet to each other end; of branches of an aorta, from where they leave it.
 
-    See `jaxfsi.anatomy.surfaces.end_names.inlet_of` for which end is the inlet.
+    See `jaxfsi.anatomy.surfaces.end_names.inlet_of` for which end is the inlet. A cut is no end: a
+    surface without flat ends has no lines.
     """
     lines: dict[str, Centerline] = {}
+    if not named:
+        return lines
     first = inlet_of(named)
     inlet = named[first]
     for name, end in named.items():

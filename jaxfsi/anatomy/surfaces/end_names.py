@@ -89,6 +89,9 @@ def inlet_of(named: Mapping[str, FlatEnd]) -> str:
     """Name of the end where blood comes in: ``aorta_inlet``, else one that says ``inlet``.
 
     Where no name says so, the end that would be ``aorta_inlet`` by its size.
+
+    Args:
+        named: at least one end, by name.
     """
     if AORTA_INLET in named:
         return AORTA_INLET

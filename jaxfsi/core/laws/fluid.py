@@ -19,7 +19,7 @@ that the equations are linear in u, a and p. τ is constant on an element; integ
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -38,7 +38,7 @@ from jaxfsi.core.elements.linear import (
 )
 from jaxfsi.core.laws.viscosity import AbstractViscosity, Newtonian
 from jaxfsi.nominal import BLOOD_DENSITY
-from lumped.parameters import Parameter, parameter
+from lumped.parameters import Parameter, Range, check_range, parameter
 
 
 class Blood(eqx.Module):
@@ -50,9 +50,18 @@ class Blood(eqx.Module):
         transient_continuity: whether τ_C = 1/(τ_M tr G), to compare with other codes (static).
     """
 
+    ranges: ClassVar[Range] = Range(above=("rho_f",))
     rho_f: Parameter = parameter(default=BLOOD_DENSITY)
     viscosity: AbstractViscosity = Newtonian()
     transient_continuity: bool = eqx.field(static=True, default=False)
+
+    def __check_init__(self):
+        """Refuse a density that is not positive; a traced one passes.
+
+        Raises:
+            ValueError: a concrete number is out of its range.
+        """
+        check_range(self)
 
 
 class LaggedCoefficients(NamedTuple):

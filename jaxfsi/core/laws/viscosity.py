@@ -9,17 +9,28 @@
 """
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxfsi.nominal import BLOOD_VISCOSITY, CHO_KENSEY
-from lumped.parameters import Parameter, parameter
+from lumped.parameters import Parameter, Range, check_range, parameter
 
 
 class AbstractViscosity(eqx.Module):
-    """A viscosity law."""
+    """A viscosity law; its parameters lie in `ranges`."""
+
+    ranges: ClassVar[Range] = Range()
+
+    def __check_init__(self):
+        """Refuse numbers out of their range; traced ones pass.
+
+        Raises:
+            ValueError: a concrete number is out of its range.
+        """
+        check_range(self)
 
     @abc.abstractmethod
     def __call__(self, shear_rate: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -33,6 +44,7 @@ class Newtonian(AbstractViscosity):
         mu: viscosity [g/(cm·s)].
     """
 
+    ranges: ClassVar[Range] = Range(least=("mu",))
     mu: Parameter = parameter(default=BLOOD_VISCOSITY)
 
     def __call__(self, shear_rate: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -51,6 +63,11 @@ class CarreauYasuda(AbstractViscosity):
         transition: a.
     """
 
+    ranges: ClassVar[Range] = Range(
+        above=("mu_zero", "transition"),
+        least=("mu_infinite", "relaxation_time"),
+        finite=("exponent",),
+    )
     mu_zero: Parameter = parameter(default=CHO_KENSEY["mu_zero"])
     mu_infinite: Parameter = parameter(default=CHO_KENSEY["mu_infinite"])
     relaxation_time: Parameter = parameter(default=CHO_KENSEY["relaxation_time"])

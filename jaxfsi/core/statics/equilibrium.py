@@ -28,6 +28,7 @@ from jaxfsi.core.solve.krylov import KrylovSolution, fgmres
 from jaxfsi.core.solve.wall_blocks import vertex_block
 from jaxfsi.core.solve.wall_factor import WallFactor, wall_factor, wall_solve, wall_solve_transposed
 from jaxfsi.core.solve.wall_tangent import apply_wall, wall_tangent
+from jaxfsi.core.statics.held import check_held
 from jaxfsi.core.statics.loads import NO_WALL, Field, Loads, load_forces
 from jaxfsi.core.step.model import Model
 from lumped.device import quick_jit
@@ -79,10 +80,11 @@ def static_factor(model: Model, *, dtype: type = np.float64) -> WallFactor:
     """Factor of the wall's stiffness at the reference shape of a concrete model.
 
     Raises:
-        ValueError: the model has no wall, or it is not held.
+        ValueError: the model has no wall, or nothing holds a part of it.
     """
     if model.wall is None:
         raise ValueError(NO_WALL)
+    check_held(model)
     A = vertex_block(model, STATIC).tolil()
     everywhere = jnp.zeros_like(model.x).at[:, : model.n_vertices].set(1.0)
     support = _tissue_force(model.wall.support_stiffness * everywhere, model)
@@ -171,6 +173,8 @@ def small_equilibrium(
 ) -> Equilibrium:
     """Displacement of a wall of Hooke's law under dead forces: one linear system.
 
+    Its derivatives are linear systems too, solved as far; not a number where that fails.
+
     Args:
         model: the model; its wall's material is `LinearElastic`, and it has no prestress. Sides
             that come close do not push each other apart.
@@ -191,7 +195,7 @@ def small_equilibrium(
 
 @quick_jit
 def _small_equilibrium(model, force, factor, options) -> Equilibrium:
-    tolerance, max_starts, max_linear = options
+    tolerance = options[0]
     factor = jax.lax.stop_gradient(factor)
     free = model.in_solid & ~model.prescribed
     shape = wall_geometry(model.x, model.element)
@@ -204,37 +208,56 @@ def _small_equilibrium(model, force, factor, options) -> Equilibrium:
         v = jnp.where(free, flat.reshape(3, -1), 0.0)
         return jnp.where(free, stiffness(v), flat.reshape(3, -1)).reshape(-1)
 
-    def solve(matvec, b):
-        goal = 0.9 * tolerance * jnp.linalg.norm(b)
+    def solved(matvec, b):
+        return _restarted(matvec, b, _inverse(wall_solve, factor, free), options)
 
-        def proceed(s):
-            _, k, _, last = s
-            return (last > 0) & (k < max_starts)
+    def solve(function, start):
+        del function, start
+        end, report = solved(product, b)
+        return end.x, report
 
-        def correct(s):
-            start, k, n, _ = s
-            found = fgmres(
-                matvec,
-                b,
-                _inverse(wall_solve, factor, free),
-                tolerance=goal,
-                max_iterations=max_linear,
-                along=start.x,
-            )
-            return found, k + 1, n + found.n_iterations, found.n_iterations
+    def good(matvec, b):
+        """Solution of a system of derivatives; not a number where it was not found."""
+        end, _ = solved(matvec, b)
+        found = end.residual <= 10.0 * tolerance * jnp.linalg.norm(b)
+        return jnp.where(found, end.x, jnp.nan)
 
-        # A start evaluates what is left, and the last one finds that nothing is to be done; a part
-        # of the tolerance is for the round-off between the two.
-        none, one = jnp.zeros((), int), jnp.ones((), int)
-        begun = KrylovSolution(jnp.zeros_like(b), none, jnp.linalg.norm(b))
-        end, k, n, _ = jax.lax.while_loop(proceed, correct, (begun, none, none, one))
-        report = k.astype(float), n.astype(float), end.residual
-        return end.x, jnp.stack(report)
+    def tangent_solve(matvec, b):
+        return jax.lax.custom_linear_solve(matvec, b, good, symmetric=True)
 
-    flat, report = jax.lax.custom_linear_solve(product, b, solve, symmetric=True, has_aux=True)
+    flat, report = jax.lax.custom_root(
+        lambda flat: product(flat) - b, jnp.zeros_like(b), solve, tangent_solve, has_aux=True
+    )
     n_starts, n_gmres, residual = jax.lax.stop_gradient(report)
     left = residual / jnp.where(size > 0.0, size, 1.0)
     return _ended(flat, tolerance, (n_starts.astype(int), n_gmres.astype(int)), left)
+
+
+def _restarted(
+    matvec: Callable[[Array], Array],
+    b: Array,
+    inverse: Callable[[Array], Array],
+    options: tuple[float, int, int],
+) -> tuple[KrylovSolution, Float[Array, " 3"]]:
+    """GMRES begun anew from what it found, and numbers of starts, of iterations, the residual."""
+    tolerance, max_starts, max_linear = options
+    goal = 0.9 * tolerance * jnp.linalg.norm(b)
+
+    def proceed(s):
+        _, k, _, last = s
+        return (last > 0) & (k < max_starts)
+
+    def correct(s):
+        start, k, n, _ = s
+        found = fgmres(matvec, b, inverse, tolerance=goal, max_iterations=max_linear, along=start.x)
+        return found, k + 1, n + found.n_iterations, found.n_iterations
+
+    # A start evaluates what is left, and the last one finds that nothing is to be done; a part
+    # of the tolerance is for the round-off between the two.
+    none, one = jnp.zeros((), int), jnp.ones((), int)
+    begun = KrylovSolution(jnp.zeros_like(b), none, jnp.linalg.norm(b))
+    end, k, n, _ = jax.lax.while_loop(proceed, correct, (begun, none, none, one))
+    return end, jnp.stack([k.astype(float), n.astype(float), end.residual])
 
 
 def _inverse(solve: Callable, factor: WallFactor, free: Array) -> Callable[[Array], Array]:

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Literal, get_args
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -159,7 +160,8 @@ def build_model(
         least_gap: below which the sides of the lumen repel each other; None: never.
 
     Raises:
-        ValueError: ports and labels do not fit, or the wall is missing.
+        ValueError: ports and labels do not fit, the wall is missing, or its arrays are not of one
+            value an element.
     """
     labels = [name for name in mesh.label_names if name.endswith(RING_SUFFIX)]
     clamped = tuple(labels) if clamped is None else tuple(clamped)
@@ -315,3 +317,21 @@ def _check(
             + f". The mesh has the labels {', '.join(mesh.label_names)}; give each opening a"
             " port, such as PressurePort, BlockPort, FlowPort or VelocityPort."
         )
+    n_solid = int(np.sum(mesh.region == Region.SOLID))
+    faults = _array_faults(wall, n_solid) if wall is not None and n_solid else []
+    if faults:
+        raise ValueError(
+            f"{'; '.join(faults)}. The wall has {n_solid} tetrahedra: give one number, or an array"
+            " whose last axis has one value for each of them, in the order of the mesh."
+        )
+
+
+def _array_faults(wall: Wall, n_solid: int) -> list[str]:
+    """Numbers of a wall by element whose count is another one."""
+    by_element = {"material": wall.material, "rho_s": wall.rho_s, "damping": wall.damping}
+    leaves, _ = jax.tree_util.tree_flatten_with_path(eqx.filter(by_element, eqx.is_inexact_array))
+    return [
+        f"wall.{jax.tree_util.keystr(path, simple=True, separator='.')} has the shape {leaf.shape}"
+        for path, leaf in leaves
+        if leaf.ndim and leaf.shape[-1] not in (1, n_solid)
+    ]

@@ -108,7 +108,10 @@ def cover(
         if failed.any():
             free &= ~graph.spread(failed)
             continue
-        outer = fitted(made.surface, anatomy, 1)
+        try:
+            outer = fitted(made.surface, anatomy, 1)
+        except ValueError as error:
+            raise NoColumns(f"the outer surface that takes columns is torn: {error}") from error
         good = shapely(points[feet], outer.surface.points[: len(feet)], ends.triangles)
         found = Cover(outer, feet, ends.triangles)
         spoilt = np.concatenate([ends.triangles[~good].ravel(), _at_poor(found, lumen, anatomy)])

@@ -105,6 +105,9 @@ def solid_depth(
         points: start, on L = 0 [cm].
         normals: unit normals out of the lumen.
         limit: longest way [cm].
+
+    Raises:
+        ValueError: the anatomy gives no number at some place.
     """
     least = 0.01 * limit
     way = np.full(len(points), least)
@@ -112,12 +115,29 @@ def solid_depth(
     while len(moving):
         x = points[moving] + way[moving, None] * normals[moving]
         room = np.minimum(anatomy.lumen(x), -anatomy.wall(x))
+        _check_numbers(anatomy, "lumen or wall", room, x)
         # A step back onto the surface ends the way of a ray that has left the solid.
         done = (room <= 0.0) | (way[moving] >= limit)
         way[moving] += np.where(room <= 0.0, np.maximum(room, -least), 0.0)
         way[moving[~done]] += np.maximum(room[~done], least)
         moving = moving[~done]
     return np.clip(way, 1e-3 * limit, limit)
+
+
+def _check_numbers(
+    anatomy: Anatomy,
+    what: str,
+    values: Float[np.ndarray, " points"],
+    x: Float[np.ndarray, "points 3"],
+) -> None:
+    """Refuse an anatomy with functions that are no numbers at points x."""
+    bad = np.flatnonzero(np.isnan(values))
+    if len(bad):
+        where = ", ".join(f"{v:.3g}" for v in x[bad[0]])
+        raise ValueError(
+            f"{what} of {anatomy.name!r} is not a number at {len(bad)} of {len(x)} places, first at"
+            f" ({where}) cm. Give functions that hold wherever its bounds reach."
+        )
 
 
 class SurfaceSamples(NamedTuple):
@@ -139,7 +159,11 @@ class SurfaceSamples(NamedTuple):
 
 
 def sample_surface(anatomy: Anatomy, surface: Surface) -> SurfaceSamples:
-    """Sample the part of the lumen's surface that lies inside the openings."""
+    """Sample the part of the lumen's surface that lies inside the openings.
+
+    Raises:
+        ValueError: the anatomy gives no number at some place.
+    """
     a, b, c = (surface.points[surface.triangles[:, i]] for i in range(3))
     area = triangle_areas(*surface)
     centre = (a + b + c) / 3.0
@@ -151,11 +175,14 @@ def sample_surface(anatomy: Anatomy, surface: Surface) -> SurfaceSamples:
     area = np.add.reduceat(area, rows)
     points = centre[rows]
     radius = np.asarray(anatomy.local_radius(points))
+    _check_numbers(anatomy, "local_radius", radius, points)
     slope = gradients(anatomy.lumen, points, step=1e-3)
     norm = np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-12)
     normals = slope / norm
     points = points - anatomy.lumen(points)[:, None] * slope / norm**2
-    limit = 2.0 * float(np.max(anatomy.thickness(points)))
+    thickness = np.asarray(anatomy.thickness(points))
+    _check_numbers(anatomy, "thickness", thickness, points)
+    limit = 2.0 * float(np.max(thickness))
     depth = solid_depth(anatomy, points, normals, limit=limit)
     return SurfaceSamples(points, normals, radius, depth, area)
 

@@ -121,3 +121,7 @@ def test_flat_and_short_courses_are_raised_to_what_can_be_built() -> None:
 def test_impossible_requests_are_refused() -> None:
     with pytest.raises(ValueError, match="Give a number"):
         sample_anatomies(0, -1)
+    assert sample_anatomies(0, 0) == []
+    for n in (0, -1):
+        with pytest.raises(ValueError, match=f"measures of {n} patients. Ask for at least one"):
+            sample_measures(np.random.default_rng(0), n)

@@ -1,6 +1,7 @@
 """Directions in the wall: exact in a straight tube, along the arc of a bent one, in a slit."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -47,6 +48,25 @@ def test_axis_follows_a_bent_tube():
     # tube's ends.
     assert np.min(cosine) > np.cos(np.radians(12.0))
     assert np.mean(cosine) > np.cos(np.radians(4.0))
+
+
+def test_triangles_are_looked_at_in_parts_whose_memory_is_bounded(monkeypatch):
+    mesh = _tube(columns=True, mapping=bent(bend_radius=1.0))
+    whole = wall_frame(mesh)
+    module, most = sys.modules[wall_frame.__module__], 20_000
+    monkeypatch.setattr(module, "_MOST", most)
+    sizes, eigh = [], np.linalg.eigh
+
+    def seen(matrices):
+        sizes.append(len(matrices))
+        return eigh(matrices)
+
+    monkeypatch.setattr(np.linalg, "eigh", seen)
+    for one, other in zip(wall_frame(mesh), whole, strict=True):
+        np.testing.assert_array_equal(one, other)
+    # a part has nine numbers of at least 16 neighbours a triangle
+    assert len(sizes) > 5
+    assert max(sizes) * 9 * 16 <= most
 
 
 def test_tets_of_a_wedge_share_directions():

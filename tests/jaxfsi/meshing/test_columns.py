@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -134,6 +135,18 @@ def test_wall_that_takes_no_columns_is_tetrahedra_and_says_so():
     (note,) = report.notes
     assert note.startswith("tetrahedra alone fill the wall: only 0% of the columns reach")
     assert note.endswith("use a thinner wall")
+
+
+def test_outer_surface_that_the_columns_tear_leaves_the_wall_to_tetrahedra(monkeypatch):
+    def torn(*_):
+        raise ValueError("the wall has 3 borders but 2 openings. Give each end an opening.")
+
+    monkeypatch.setattr(sys.modules[cover.__module__], "fitted", torn)
+    report = build_mesh(straight_tube(half_length=0.25), preset="coarse", wedge_layers=1).report
+    assert report.quality.wedges is None
+    (note,) = report.notes
+    assert note.startswith("tetrahedra alone fill the wall: the outer surface that takes columns")
+    assert "3 borders but 2 openings" in note
 
 
 def test_wall_too_thin_for_its_triangles_says_how_to_mend():

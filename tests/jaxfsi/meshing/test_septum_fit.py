@@ -11,13 +11,13 @@ REQUEST = build.MeshRequest("medium", None, 2, 1, "netgen")
 
 
 def _attempts(monkeypatch, found):
-    """Attempts that keep these shares of the septum, with as many wedges; None fails."""
+    """Attempts that keep these shares of the septum, with as many wedges; errors are raised."""
     tried = []
 
     def attempted(anatomy, attempt, request, stages):
         tried.append(attempt.deviation)
-        if found[len(tried) - 1] is None:
-            raise MeshingError("no mesh")
+        if isinstance(found[len(tried) - 1], Exception):
+            raise found[len(tried) - 1]
         kept, wedges = found[len(tried) - 1]
         ratio = None if kept is None else types.SimpleNamespace(p1=kept)
         mesh = types.SimpleNamespace(kept=kept, wedges=range(wedges))
@@ -39,7 +39,8 @@ def _attempts(monkeypatch, found):
         ([(0.4, 9), (0.6, 9)], 0.6, [1.0, 0.5], True),
         ([(0.6, 9), (0.7, 0)], 0.6, [1.0, 0.5], True),
         ([(0.6, 9), (0.4, 9)], 0.6, [1.0, 0.5], True),
-        ([(0.6, 9), None], 0.6, [1.0, 0.5], True),
+        ([(0.6, 9), MeshingError("no mesh")], 0.6, [1.0, 0.5], True),
+        ([(0.6, 9), ValueError("two borders at an opening")], 0.6, [1.0, 0.5], True),
     ],
 )
 def test_the_better_of_two_fits_is_taken(found, taken, tried, noted, monkeypatch):
@@ -49,3 +50,8 @@ def test_the_better_of_two_fits_is_taken(found, taken, tried, noted, monkeypatch
     assert bool(notes) == noted
     if noted:
         assert "keeps 60% of its thickness" in notes[0]
+
+
+def test_an_attempt_whose_anatomy_cannot_be_cut_is_refused_at_once(monkeypatch):
+    with pytest.raises(ValueError, match="two borders"):
+        _attempts(monkeypatch, [ValueError("two borders at an opening")])

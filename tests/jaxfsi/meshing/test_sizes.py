@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,21 @@ def test_solid_depth_is_the_wall_or_the_septum(tube):
     depth = solid_depth(tube, points, np.array([-x, -x, x]), limit=0.3)
     # The way ends within a hundredth of the limit of the surface, 3e-3.
     np.testing.assert_allclose(depth, [0.12, 0.12, 0.06], atol=3e-3)
+
+
+@pytest.mark.parametrize("name", ["lumen", "wall", "local_radius", "thickness"])
+def test_anatomy_that_is_no_number_somewhere_is_refused(branched_tube, name):
+    tube = branched_tube()
+    lattice = sample_lattice(tube, LatticeSettings(smallest=0.03))
+    surface = extract_surface(lattice.points, lattice.tets, lattice.lumen, tube.lumen)
+    whole = getattr(tube, name)
+
+    def torn(x):
+        return np.where(x[:, 2] > 0.2, np.nan, whole(x))
+
+    broken = dataclasses.replace(tube, **{name: torn})
+    with pytest.raises(ValueError, match=r"is not a number at .* places, first at"):
+        sample_surface(broken, surface)
 
 
 def test_solid_depth_stops_at_its_limit(tube):

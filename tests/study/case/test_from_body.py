@@ -109,6 +109,12 @@ def test_body_sizes_a_drawn_anatomy_and_its_side_names_the_artery(tmp_path):
     assert "the body has 1.20 m2" in given.from_body.notices[0]
 
 
+def test_a_venous_pressure_above_the_aortic_one_is_refused_at_its_key(tmp_path):
+    low = MEASURED.replace("110.0", "38.0").replace("65.0", "20.0")
+    with pytest.raises(CaseError, match=r"coronary\.P_venous_mmHg = 40.*no blood would flow"):
+        case_of(tmp_path, BODY, low, "[coronary]\nP_venous_mmHg = 40\n")
+
+
 def test_age_alone_fills_the_period(tmp_path):
     with pytest.raises(CaseError, match="P_systolic_mmHg: required"):
         case_of(tmp_path, "[body]\nage_years = 11\n", REST)

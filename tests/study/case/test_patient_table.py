@@ -1,11 +1,12 @@
 """Patients from one CSV file: columns are keys, faults name row and column."""
 
 import pathlib
+import tomllib
 
 import pytest
 
 from study import CaseError, read_case
-from study.case.patient_table import column_key, patients_template, read_patients
+from study.case.patient_table import column_key, patients_template, read_patients, toml_text
 
 HEADER, ROW = patients_template().splitlines()
 
@@ -55,6 +56,17 @@ def test_every_fault_names_its_row_and_column(tmp_path):
     assert "patients.csv:5: row 4, column condition.rest.ffr" in said
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_key_that_is_a_number_and_a_table_is_refused(tmp_path, turned):
+    number, part = "wall.thickness_per_radius", "wall.thickness_per_radius.min_mm"
+    columns = [(number, "0.1"), (part, "0.3")]
+    names, cells = zip(*(columns[::-1] if turned else columns), strict=True)
+    header = ",".join((HEADER, *names))
+    said = refused(table(tmp_path, ",".join((ROW, *cells)), header=header))
+    assert f"row 1, column {number} = '0.1': given beside {part}" in said
+    assert "leave one of them empty" in said
+
+
 def test_unknown_column_is_named_with_the_nearest(tmp_path):
     said = refused(table(tmp_path, ROW, header=HEADER.replace("rest.ffr", "rest.fffr")))
     assert "column condition.rest.fffr: unknown column" in said
@@ -98,3 +110,9 @@ def test_files_of_a_row_lie_beside_the_table(tmp_path):
 def test_every_key_of_a_condition_is_a_column_under_any_name():
     assert column_key("condition.my-drug.flow_reserve") is not None
     assert column_key("condition.rest.nothing") is None
+
+
+def test_characters_of_any_plane_come_back_from_the_case_file(tmp_path):
+    name = "emoji \U0001f600, DEL \x7f, \N{LATIN SMALL LETTER E WITH ACUTE}"
+    text = toml_text({"patient": {"id": "a", "notes": name}})
+    assert tomllib.loads(text)["patient"]["notes"] == name

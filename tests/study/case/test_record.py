@@ -94,6 +94,12 @@ def test_ejection_of_a_fast_heart_is_more_than_half_of_its_beat(share, period, f
     assert (found is not None) == fits
 
 
+def test_two_conditions_of_one_place_are_refused(tmp_path, files):
+    same = changed(files, "record.toml", "order = 1\n", "order = 0\n")
+    with pytest.raises(CaseError, match=r"order = 0: condition\.rest has this place too"):
+        read_record(write(tmp_path / "r", same))
+
+
 def test_a_record_without_rest_is_read_with_a_remark(tmp_path, files):
     head, *parts = files["record.toml"].split("\n[condition.")
     text = "\n[condition.".join([head, *parts[1:]])

@@ -65,6 +65,10 @@ def test_study_in_3d_is_planned_with_its_runs(command, tmp_path):
         assert parts[name]["state"] == "to compute"
         assert parts[name]["seconds"] > 1.0
     assert not (tmp_path / "out").exists()
+    whole = command("study", "--demo", "--uncertainty", "1", "--dry-run", "--json")
+    names = {part["name"] for part in whole.json["parts"]}
+    assert {"ramp, second mesh", "uncertainty, dobutamine"} <= names
+    assert "3D: dobutamine, drawn numbers 1" in names
 
 
 def test_simulation_that_was_begun_goes_on(command, tmp_path):

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from concurrent.futures import Executor, Future
 
 import pytest
 
@@ -182,11 +183,34 @@ def test_damaged_result_of_a_case_is_not_taken(folder, tmp_path, text):
     (member.folder / "status.json").write_text(json.dumps(status))
     assert finished_member(member, "curve", []) is None
     (member.folder / "status.json").unlink()
-    result = _ended(member, "curve", [], 0, 0.0)
+    result = _ended(member, "curve", member_key(member, "curve", []), 0, 0.0)
     assert result.document is None
     assert result.status == 1
     assert f"{member.folder / 'result.json'}: " in result.reason
     assert not (member.folder / "status.json").exists()
+
+
+@pytest.mark.parametrize("edited", ["ffr = 0.85", "ffr = 8.5"])
+def test_a_case_that_is_edited_while_it_runs_is_not_taken_for_finished(cohort, tmp_path, edited):
+    source = cohort.folder / "b" / "result.json"
+    _write(tmp_path / "cases", "b", 0.88, 0.86)
+    case = tmp_path / "cases" / "b" / "case.toml"
+    (member,) = find_members(tmp_path / "cases", tmp_path / "out")
+
+    class Editing(Executor):
+        def submit(self, call, /, *args, **kwargs):
+            member.folder.mkdir(parents=True)
+            (member.folder / "result.json").write_bytes(source.read_bytes())
+            case.write_text(case.read_text().replace("ffr = 0.86", edited))
+            done = Future()
+            done.set_result(0)
+            return done
+
+    (found,) = run_cohort([member], "curve", executor=Editing())
+    assert found.status == 0
+    assert finished_member(member, "curve", []) is None
+    case.write_text(case.read_text().replace(edited, "ffr = 0.86"))
+    assert finished_member(member, "curve", []) is not None
 
 
 def test_damaged_part_of_a_result_is_named(folder, tmp_path):
@@ -206,6 +230,13 @@ def test_folder_without_cases_is_refused(tmp_path, command):
 
 
 @pytest.mark.slow
+def test_two_cases_of_one_name_are_refused(tmp_path):
+    _write(tmp_path, "twin", 0.93, 0.90)
+    (tmp_path / "twin.toml").write_bytes((tmp_path / "twin" / "case.toml").read_bytes())
+    with pytest.raises(CaseError, match=r"twin\.toml and twin/case\.toml are both the case twin"):
+        find_members(tmp_path, tmp_path / "out")
+
+
 def test_drugs_apart_change_adenosine_alone():
     alike, apart = patients()[0], patients("apart")[0]
     for name in ("rest", "dobutamine"):

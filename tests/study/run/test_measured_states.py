@@ -59,6 +59,16 @@ def test_pressure_of_a_state_is_that_of_its_condition_and_phase(folder):
     assert fall == pytest.approx([75.0, 75.0 * 0.955, 75.0 * 0.91])
 
 
+def test_contours_with_commas_and_a_header_have_a_frame_table_too(folder):
+    lines = (folder / "narrower.csv").read_text().splitlines()
+    rows = [line.replace("\t", ",") for line in lines]
+    (folder / "commas.csv").write_text("\n".join(["frame,x,y,z", *rows]))
+    case = _case(folder, ("dobutamine_systole", "commas.csv", "rest_frames.csv"))
+    tabs = _case(folder, ("dobutamine_systole", "narrower.csv", "rest_frames.csv"))
+    found, expected = (measured_states(c)[1].lumen.area for c in (case, tabs))
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_one_state_is_refused(folder):
     with pytest.raises(CaseError, match="one measured state tells nothing"):
         measured_states(_case(folder))

@@ -125,6 +125,11 @@ def test_bad_uncertainty_is_refused(known, reserve, said, tmp_path):
         _case(tmp_path, known, reserve)
 
 
+def test_a_deviation_of_nothing_is_refused(tmp_path):
+    with pytest.raises(CaseError, match=r"dobutamine\.ffr_sd.*standard deviation without its ffr"):
+        _case(tmp_path, reserve="ffr_sd = 0.02")
+
+
 def test_flow_reserve_at_rest_is_refused(tmp_path):
     file = tmp_path / "unsure.toml"
     text = CASE.format(known="", reserve="", age="").replace("ffr_sd = 0.01", "flow_reserve = 2.0")
@@ -148,6 +153,20 @@ def test_quadratic_law_is_corrected_by_periodic_states(tmp_path):
     medians = {name: spread.value(jnp.zeros(())) for name, spread in inputs.items()}
     exact = float(stress_model(patient, "dobutamine").ffr(medians))
     assert one.found.nominal == pytest.approx(exact, abs=3.0 * level.error)
+
+
+@pytest.mark.parametrize(("R0", "K"), [(5.0e3, 0.0), (0.0, 900.0)])
+def test_a_loss_of_zero_has_no_error(tmp_path, R0, K):
+    case = _case(tmp_path)
+    law = dataclasses.replace(case.surrogate, R0=R0, K=K, law="quadratic")
+    patient = load_patient(dataclasses.replace(case, surrogate=law))
+    inputs = condition_inputs(patient, "dobutamine")
+    assert ("K" in inputs, "R0" in inputs) == (K > 0.0, R0 > 0.0)
+    (one,) = uncertain_ratios(patient, Progress(), n_samples=2**10).found
+    assert one.found.sd > 0.0
+    if K == 0.0:  # a quadratic law without its quadratic part is the linear one
+        (linear,) = uncertain_ratios(load_patient(case), Progress(), n_samples=2**10).found
+        assert one.found.median == pytest.approx(linear.found.median, abs=2e-3)
 
 
 def test_runs_in_3d_move_the_interval(tmp_path):

@@ -10,7 +10,7 @@ from jaxfsi.mesh_files import write_mesh_complete
 from study import CaseError, read_case
 from study.run.anatomy_source import case_mesh
 from study.run.setup import outlets_of
-from study.run.solver_input import input_or_reason, solver_input
+from study.run.solver_input import _say, input_or_reason, solver_input
 from tests.study import tube_case
 
 INTEGERS = ("GlobalNodeID", "GlobalElementID", "ModelFaceID", "ModelRegionID")
@@ -136,6 +136,25 @@ def test_case_that_says_too_little_has_no_input(given):
     files, reason = input_or_reason(case, "unknown", mesh, "cm")
     assert files == {}
     assert re.search(r"no solver.xml .* no condition 'unknown'", reason)
+
+
+def test_a_case_without_a_periodic_state_has_no_input_and_says_why(given, monkeypatch):
+    case, mesh, _ = given
+
+    def lost(*_, **__):
+        raise RuntimeError("no periodic state was found")
+
+    monkeypatch.setattr("study.run.solver_input.outlets_of", lost)
+    files, reason = input_or_reason(case, "rest", mesh, "cm")
+    assert files == {}
+    assert reason.endswith("was written: no periodic state was found")
+
+
+def test_comments_of_the_input_are_those_of_xml():
+    parent = ET.Element("parent")
+    _say(parent, "an opening named lad---1--x")
+    assert "--" not in parent[0].text
+    ET.fromstring(ET.tostring(parent))
 
 
 def test_unit_of_the_folders_is_told(given):

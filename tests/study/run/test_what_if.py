@@ -14,7 +14,7 @@ from study.case.operation import Operation
 from study.report.what_if_results import what_if_document
 from study.run import what_if_3d as in_3d
 from study.run.run_3d import LumenCollapsed
-from study.run.study_choice import StudyChoice
+from study.run.study_choice import RunChoice, StudyChoice
 from study.run.what_if import both_sides, operated_case, scaled_losses, what_if_0d
 from study.store.meshes import mesh_key
 
@@ -112,11 +112,13 @@ def _run(condition, rule, ratio, flow=50.0):
     return types.SimpleNamespace(condition=condition, rule=rule, ratio=ratio, distal=distal)
 
 
-def test_runs_after_take_the_alpha_of_before(case, sides, tmp_path, monkeypatch):
-    asked = []
+@pytest.mark.parametrize("continued", [False, True])
+def test_runs_after_take_the_alpha_of_before(case, sides, tmp_path, monkeypatch, continued):
+    asked, starts = [], []
 
-    def run(context, planned):
+    def run(context, planned, before=None):
         asked.append((planned.id.name, planned.alpha))
+        starts.append(before and before.id.name)
         if planned.id.condition == "dobutamine":
             raise LumenCollapsed("The lumen collapsed.")
         return _run("rest", None, 0.98, 60.0)
@@ -132,10 +134,12 @@ def test_runs_after_take_the_alpha_of_before(case, sides, tmp_path, monkeypatch)
     monkeypatch.setattr(in_3d, "with_curve", lambda context, R0, K: context)
     monkeypatch.setattr(in_3d, "fsi_run", run)
     runs = [_run("rest", None, 0.91), _run("dobutamine", "printed", 0.85)]
-    before = in_3d.StudyBefore(case, StudyChoice(), (500.0, 300.0), 0.07, runs, "before")
+    choice = StudyChoice(run=RunChoice(continued=continued))
+    before = in_3d.StudyBefore(case, choice, (500.0, 300.0), 0.07, runs, "before")
     progress = types.SimpleNamespace(step=lambda _: None)
     what = in_3d.what_if_3d(before, UNROOF, sides, tmp_path, progress)
     assert asked == [("loop-rest", 0.07), ("loop-dobutamine-printed", 0.07)]
+    assert starts == [None, "loop-rest" if continued else None]
     assert opened[0].operation == UNROOF
     assert [r.after for r in what.ratios] == [0.98, None]
     assert "collapsed" in what.remarks[0]
@@ -168,9 +172,10 @@ def test_page_has_both_sides_and_says_that_alpha_is_kept(page):
 def test_stored_result_is_shown_again(page, command):
     document = json.loads((page.folder / "what-if.json").read_text())
     assert document["diameter_mm"] == 3.5
-    shown = command("show", page.folder / "what-if.json")
-    assert shown.status == 0
-    assert document["verdict"] in shown.stdout
+    for place in (page.folder / "what-if.json", page.folder):
+        shown = command("show", place)
+        assert shown.status == 0
+        assert document["verdict"] in shown.stdout
 
 
 @pytest.mark.parametrize(

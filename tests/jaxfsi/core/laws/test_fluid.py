@@ -203,6 +203,35 @@ def test_carreau_yasuda_has_its_limits_and_the_published_values():
     assert np.all(np.asarray(slope) <= 0.0)
 
 
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda v: Blood(rho_f=v), r"Blood\.rho_f"),
+        (lambda v: Newtonian(v), r"Newtonian\.mu"),
+        (lambda v: CarreauYasuda(mu_zero=v), r"CarreauYasuda\.mu_zero"),
+        (lambda v: CarreauYasuda(mu_infinite=v), r"CarreauYasuda\.mu_infinite"),
+        (lambda v: CarreauYasuda(relaxation_time=v), r"CarreauYasuda\.relaxation_time"),
+        (lambda v: CarreauYasuda(transition=v), r"CarreauYasuda\.transition"),
+    ],
+)
+def test_blood_out_of_its_range_is_refused(made, words):
+    for value in (-0.04, np.nan, np.inf):
+        with pytest.raises(ValueError, match=f"{words} = .* must be finite and"):
+            made(value)
+    jax.jit(made)(-0.04)  # traced numbers pass, as those of the wall
+
+
+def test_blood_without_density_or_viscosity_at_rest_is_refused():
+    with pytest.raises(ValueError, match="must be finite and positive"):
+        Blood(rho_f=0.0)
+    with pytest.raises(ValueError, match="must be finite and positive"):
+        CarreauYasuda(mu_zero=0.0)
+    with pytest.raises(ValueError, match=r"exponent = .* must be finite"):
+        CarreauYasuda(exponent=np.nan)
+    assert Newtonian(0.0).mu == 0.0  # blood without friction
+    assert CarreauYasuda(exponent=-0.1).exponent == -0.1
+
+
 def test_thinning_blood_uses_its_viscosity_in_the_stress(box):
     law = CarreauYasuda()
     blood = Blood(rho_f=1e-12, viscosity=law)

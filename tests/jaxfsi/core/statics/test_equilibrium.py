@@ -3,12 +3,18 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from jaxfsi.core.laws.materials import LinearElastic, NeoHookean
 from jaxfsi.core.laws.solid import Wall
 from jaxfsi.core.laws.wall_balance import wall_geometry, wall_residual
-from jaxfsi.core.statics.equilibrium import RESULTS, equilibrium, static_factor
+from jaxfsi.core.statics.equilibrium import (
+    RESULTS,
+    equilibrium,
+    small_equilibrium,
+    static_factor,
+)
 from jaxfsi.core.statics.loads import Loads, load_forces, pressure_load
 from jaxfsi.core.statics.prestress import prestressed
 from jaxfsi.core.step.march import march
@@ -158,6 +164,55 @@ def test_derivatives_that_were_not_solved_for_are_no_numbers(vessel):
     value, slope = jax.value_and_grad(widened)(jnp.asarray(3e6), 4)
     assert jnp.isfinite(value)
     assert jnp.isnan(slope)
+
+
+def test_derivatives_of_one_linear_system_that_was_not_solved_are_no_numbers(vessel):
+    model, loads, factor = vessel
+    hooke = eqx.tree_at(lambda m: m.wall.material, model, LinearElastic(3e6, 0.49))
+    force = load_forces(loads, jnp.zeros_like(model.x), model)
+
+    def widened(scale, max_linear):
+        # the factor is that of the wall; the law is stiffer, and so is the tissue outside
+        stiffer = eqx.tree_at(lambda m: m.wall.support_stiffness, hooke, 1e7 * scale)
+        options = {"max_starts": 1, "max_linear": max_linear, "throw": False}
+        return jnp.sum(small_equilibrium(stiffer, scale * force, factor, **options).d)
+
+    value, slope = jax.value_and_grad(widened)(jnp.asarray(1.0), 2)
+    assert jnp.isfinite(value)
+    assert jnp.isnan(slope)
+    value, slope = jax.value_and_grad(widened)(jnp.asarray(1.0), 100)
+    step = 1e-3
+    central = (widened(1.0 + step, 100) - widened(1.0 - step, 100)) / (2.0 * step)
+    # differences of what is found to 1e-9, truncated at 1e-6
+    assert float(slope) == pytest.approx(float(central), rel=1e-4)
+
+
+@pytest.mark.parametrize("columns", [True, False])
+def test_a_wall_that_nothing_holds_is_refused(columns):
+    mesh = ring(
+        radius=0.2, length=0.4, thickness=0.04, n_around=12, n_axial=4, n_layers=1, columns=columns
+    )
+
+    def model(stiffness=0.0, clamped=()):
+        wall = Wall(NeoHookean(3e6, 0.49), support_stiffness=stiffness)
+        return build_model(mesh, {}, wall=wall, clamped=clamped)
+
+    with pytest.raises(ValueError, match=r"nothing holds 1 part.*Clamp a ring.*support_stiffness"):
+        static_factor(model())
+    assert static_factor(model(stiffness=1e3)).nodes.size == mesh.points.shape[0]
+    assert static_factor(model(clamped=mesh.label_names[-1:])).nodes.size
+    # a line of nodes leaves the turn about itself
+    held = jnp.zeros(mesh.points.shape[0], bool).at[jnp.asarray(_in_line(mesh))].set(True)
+    free = model()
+    held = jnp.concatenate([held, free.prescribed[held.size :]])
+    with pytest.raises(ValueError, match="nothing holds"):
+        static_factor(eqx.tree_at(lambda m: m.prescribed, free, held))
+
+
+def _in_line(mesh):
+    """Nodes of the mesh on one line along its axis."""
+    radius, angle = np.hypot(*mesh.points[:, :2].T), np.arctan2(*mesh.points[:, :2].T)
+    return np.flatnonzero((np.abs(radius - 0.2) < 1e-9) & (np.abs(angle - angle[0]) < 1e-9))
 
 
 def test_a_model_without_a_wall_is_refused(vessel):

@@ -90,14 +90,14 @@ def with_impedance(
     """A Windkessel with the aortic impedance as proximal resistance and unchanged total resistance.
 
     Args:
-        block: the Windkessel; its two resistances are shared anew.
+        block: the Windkessel; its distal resistance is the whole one, its proximal one is replaced.
         area: of the outlet [cm²].
         rho: density of the blood [g/cm³].
         E: Young's modulus of the wall [dyn/cm²].
         nu: Poisson's ratio [-].
         thickness_per_radius: wall thickness over lumen radius [-].
     """
-    total = block.R_proximal + block.R_distal
+    total = block.R_distal
     series = characteristic_impedance(area, rho, E, nu, thickness_per_radius)
     series = jnp.minimum(series, 0.5 * total)
     return RCR(R_proximal=series, C=block.C, R_distal=total - series, P_ref=block.P_ref)

@@ -91,7 +91,7 @@ def uncertainty(
     errors = np.array([level.error for level in learned])
     for level in learned:
         nominal, slopes = level(middle, nominal), level.slope(slopes)
-        nominal = np.clip(nominal, *bounds)
+        nominal = jnp.clip(nominal, *bounds)
     slopes = np.concatenate([slopes, errors])
     model = _Model(names, spreads, functions, learned, bounds, batch_size)
     z, values, predicted = _samples(n_samples, model, evidence, seed)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from diagnosis import CATALOGUE, Diagnosis, Record, diagnose, measured, noise_of, stacked
 from diagnosis.next_measurement import isolability
+from diagnosis.programs import SUFFIX
 from lumped.units import MMHG
 from study.case.faults import CaseError, Fault
 from study.case.model import Case
@@ -16,25 +17,33 @@ from study.case.read import read_case
 from study.case.record import record_path
 from study.run.patient import read_vessel
 from study.run.progress import Progress
+from study.store.cache_folder import cache_folder
 from study.store.case_inputs import input_files
 from study.store.options import RecordOptions
 from study.store.provenance import Provenance, origin
 from study.store.result_files import STUDY_FILE
 from study.store.stored_document import load_document
 
-STEPS = {
-    "fitting the base model": 15.0,
-    "fitting every effect": 25.0,
-    "fitting from a second start": 1.0,
-    "fitting pairs of effects": 4.0,
-    "looking for what is not in the catalogue": 25.0,
-    "predicting conditions that were left out": 12.0,
-    "writing the report": 15.0,
+_STEPS = {
+    "fitting the base model": (2.0, 50.0),
+    "fitting every effect": (1.0, 2.0),
+    "fitting further forms": (1.0, 3.0),
+    "fitting pairs of effects": (1.0, 1.0),
+    "looking for what is not in the catalogue": (2.0, 18.0),
+    "predicting conditions that were left out": (1.0, 1.0),
+    "writing the report": (2.0, 2.0),
 }
-"""Steps of a diagnosis and their usual seconds on 2 cores, with code compiled before."""
+"""Steps of a diagnosis and their usual seconds on 2 cores: with compiled programs, and without."""
 
 _CONTOURS_SD_LOG = 0.3
 """Standard deviation of ln R0 from contours: twice that of a ramp in 3D, as no bend is in it."""
+
+
+def usual_seconds() -> dict[str, float]:
+    """Steps of a diagnosis and the seconds that each usually takes on this machine."""
+    folder = cache_folder()
+    compiled = folder is not None and any(folder.glob(f"*{SUFFIX}"))
+    return {step: known if compiled else anew for step, (known, anew) in _STEPS.items()}
 
 
 def diagnose_record(record: Record, richness: str | None, progress: Progress) -> Diagnosis:
@@ -45,7 +54,7 @@ def diagnose_record(record: Record, richness: str | None, progress: Progress) ->
         richness: use no more than this of it, one of `diagnosis.RICHNESS`.
         progress: told of the steps.
     """
-    progress.plan(STEPS)
+    progress.plan(usual_seconds())
     begun: set[str] = set()
 
     def tell(step: str, done: int, of: int) -> None:

@@ -176,7 +176,7 @@ def dry_run_of_diagnosis(
     if options.case is not None:
         in_0d.with_case(record, options.case)
     names = [c.name for c in record.conditions]
-    usual = sum(in_0d.STEPS.values())
+    usual = sum(in_0d.usual_seconds().values())
     parts = [DryPart(f"diagnosis of {len(names)} conditions", ANEW, usual)]
     if options.in_3d is None:
         return parts

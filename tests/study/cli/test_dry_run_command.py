@@ -87,11 +87,16 @@ def test_cases_of_a_cohort_are_planned(command, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_diagnosis_is_planned_and_a_missing_study_refused(command, tmp_path):
+def test_diagnosis_is_planned_and_a_missing_study_refused(command, tmp_path, monkeypatch):
+    monkeypatch.setattr("study.run.diagnosis.cache_folder", lambda: tmp_path / "cache")
     assert command("template", "--record", folder=tmp_path / "record").status == 0
     outcome = command("diagnose", tmp_path / "record", "--dry-run")
     assert outcome.status == 0, outcome.stderr
-    assert "to compute  diagnosis of 2 conditions  about 97 s" in outcome.stdout
+    assert "to compute  diagnosis of 2 conditions  about 77 s" in outcome.stdout
+    (tmp_path / "cache").mkdir(exist_ok=True)
+    (tmp_path / "cache" / "fit-0-program").touch()  # a program was compiled before
+    outcome = command("diagnose", tmp_path / "record", "--dry-run")
+    assert "to compute  diagnosis of 2 conditions  about 10 s" in outcome.stdout
     without = command("diagnose", tmp_path / "record", "--dry-run", "--in-3d")
     assert without.status == 2
     assert "--case" in without.stderr

@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import pathlib
+import shlex
 import shutil
 import signal
 import socket
@@ -44,6 +45,8 @@ NodeName={host} CPUs={cores} State=UNKNOWN
 PartitionName=debug Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
 _EXTRA = ("--", "--no-mesh")
+_KILLS = 3
+_LONGEST_ARRAY = 1800.0
 _SLURM = "slurm:partition=debug,time=60,cpus=1"
 
 
@@ -57,11 +60,14 @@ def one_node(folder: pathlib.Path) -> Iterator[None]:
     (folder / "slurm.conf").write_text(text)
     os.environ["SLURM_CONF"] = str(folder / "slurm.conf")
     with _daemon("slurmctld", "-i"), _daemon("slurmd"):
+        said = None
         for _ in range(60):
             said = subprocess.run(["sinfo", "-h", "-o", "%T"], capture_output=True, text=True)
             if said.stdout.strip() == "idle":
                 break
             time.sleep(1.0)
+        else:
+            raise RuntimeError(f"no idle node after a minute: sinfo says {said and said.stdout!r}.")
         yield
 
 
@@ -88,29 +94,30 @@ _COMMAND = "import sys; from study.cli.entry import main; sys.exit(main())"
 def array(patients: pathlib.Path, out: pathlib.Path, jobs: pathlib.Path) -> dict[str, Any]:
     """A cohort as an array of jobs; the first task gets the signal of its time limit once."""
     emitted = cohort(patients, out, "--emit-jobs", str(jobs), "--executor", _SLURM)
-    script = emitted["submit"].split()[1]
-    said = subprocess.run(["sbatch", "--parsable", script], stdout=subprocess.PIPE, text=True)
-    number = said.stdout.strip()
+    script = shlex.split(emitted["submit"])[1]
+    submit = ["sbatch", "--parsable", script]
+    number = subprocess.run(submit, stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
     time.sleep(6.0)
     limit = ["scancel", "--batch", "--signal=USR1", f"{number}_1"]
-    subprocess.run(limit, stderr=subprocess.DEVNULL, timeout=30.0)
-    while subprocess.run(["squeue", "-h"], stdout=subprocess.PIPE).stdout.strip():
+    subprocess.run(limit, timeout=30.0, check=True)
+    end = time.monotonic() + _LONGEST_ARRAY
+    while subprocess.run(["squeue", "-h"], stdout=subprocess.PIPE, check=True).stdout.strip():
+        if time.monotonic() > end:
+            raise RuntimeError(f"the array is not done after {_LONGEST_ARRAY:g} s.")
         time.sleep(1.0)
     return cohort(patients, out, "--gather")
 
 
-def kill_jobs(times: int, stop: threading.Event) -> None:
-    """Kill what runs a job of submitit, so many times, each a different process."""
-    killed: set[int] = set()
+def kill_jobs(times: int, stop: threading.Event, killed: set[int]) -> None:
+    """Kill what runs a job of submitit, so many times, each a different process, and note which."""
     while len(killed) < times and not stop.is_set():
         time.sleep(4.0)
         found = subprocess.run(["pgrep", "-f", "submitit.core._submit"], stdout=subprocess.PIPE)
         for process in {int(word) for word in found.stdout.split()} - killed:
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
-            killed.add(process)
+                killed.add(process)
             break
-    print(f"killed {len(killed)} processes of jobs")
 
 
 def main() -> int:
@@ -126,14 +133,15 @@ def main() -> int:
     found = {"local": cohort(patients, folder / "local")}
     found["dask"] = cohort(patients, folder / "dask", "--executor", "dask")
     with one_node(folder / "cluster"):
-        stop = threading.Event()
-        killer = threading.Thread(target=kill_jobs, args=(3, stop))
+        stop, killed = threading.Event(), set()
+        killer = threading.Thread(target=kill_jobs, args=(_KILLS, stop, killed))
         killer.start()
         found["slurm, processes killed"] = cohort(patients, folder / "slurm", "--executor", _SLURM)
         stop.set()
         killer.join()
         found["array, one queued again"] = array(patients, folder / "array", folder / "jobs")
-    same = True
+    print(f"killed {len(killed)} processes of jobs, {_KILLS} asked for")
+    same = len(killed) == _KILLS
     for name, document in found.items():
         equal = all(document[key] == found["local"][key] for key in ("pairs", "groups", "changes"))
         finished = sum(patient["status"] == 0 for patient in document["patients"])

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from benchmarks.step_parts import step_parts, step_row
 from benchmarks.timing import in_turn, timed
@@ -190,13 +191,15 @@ def _gradient(size: int, rounds: int) -> list[dict[str, Any]]:
     stepper, state = prepare(1e-3, model), initial_state(model, p=500.0)
     parameters = TubeParameters(*(jnp.asarray(value) for value in TubeParameters()))
     arguments = (parameters, model, state, stepper, _GRADIENT_STEPS)
-    _, times = in_turn(
+    results, times = in_turn(
         {
             "forward run": lambda: outlet_pressure(*arguments),
             "eight derivatives in reverse mode": lambda: outlet_pressure_gradient(*arguments),
         },
         rounds,
     )
+    if not all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(results)):
+        raise RuntimeError("a step of the timed run failed: its time means nothing.")
     forward = times["forward run"]["median_s"]
     return [
         {

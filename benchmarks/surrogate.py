@@ -65,7 +65,8 @@ def run(rounds: int = 5) -> dict[str, Any]:
             rows.append(
                 {"method": name, "cases": n, **times[name], **_accuracy(name, result, alphas)}
             )
-    return {"name": "sweep of alpha", "rows": rows, "notes": _notes(rows)}
+    passed = all(row["ratio_error"] < 1e-12 for row in rows if row["method"].startswith("jaxfsi"))
+    return {"name": "sweep of alpha", "rows": rows, "notes": _notes(rows), "passed": passed}
 
 
 def _notes(rows: list[dict[str, Any]]) -> list[str]:

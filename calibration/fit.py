@@ -40,7 +40,7 @@ from lumped.parameters import is_traced
 HESSIAN_RANK = 1e-10
 """Eigenvalues of the Hessian below this share of the largest count as zero in derivatives."""
 
-CHUNK = 50
+BATCH = 50
 """Fits advanced together; more exceed the caches of a CPU and are slower."""
 
 CURE = (
@@ -102,7 +102,7 @@ def fit_batch(
     spread: float = 0.5,
     key: PRNGKeyArray | None = None,
     max_steps: int = 256,
-    chunk: int = CHUNK,
+    batch_size: int = BATCH,
     throw: bool = True,
 ) -> Fit:
     """Fit many patients; one compiled loop over chunks.
@@ -116,7 +116,7 @@ def fit_batch(
         spread: as in `fit`.
         key: as in `fit`; all patients get the same.
         max_steps: as in `fit`.
-        chunk: patients advanced together.
+        batch_size: patients advanced together.
         throw: raise when a fit failed, naming the patients.
 
     Returns:
@@ -128,8 +128,10 @@ def fit_batch(
     """
     free, data = as_free(free), as_data(data)
     _check_starts(starts)
-    if chunk < 1:
-        raise ValueError(f"chunk = {chunk} patients are advanced together. Take one or more.")
+    if batch_size < 1:
+        raise ValueError(
+            f"batch_size = {batch_size} patients are advanced together. Take one or more."
+        )
     own = read(models, free)
     sizes = {leaf.shape[:1] for leaf in jax.tree.leaves(data) if eqx.is_array(leaf)}
     if own.ndim == 2:
@@ -142,7 +144,9 @@ def fit_batch(
     if not is_traced(own):
         check_start(free, np.asarray(own))
     key = jax.random.key(0) if key is None else key
-    many = _fit_many(models, free, data, solver, starts, spread, key, max_steps, chunk, own.ndim)
+    many = _fit_many(
+        models, free, data, solver, starts, spread, key, max_steps, batch_size, own.ndim
+    )
     if throw:
         flag = many.result == optx.RESULTS.successful
         lost = [] if is_traced(flag) else np.flatnonzero(~np.asarray(flag)).tolist()
@@ -181,7 +185,9 @@ def _fit_one(model, free, data, solver, starts, spread, key, max_steps) -> FitAr
 
 
 @eqx.filter_jit
-def _fit_many(models, free, data, solver, starts, spread, key, max_steps, chunk, ndim) -> FitArrays:
+def _fit_many(
+    models, free, data, solver, starts, spread, key, max_steps, batch_size, ndim
+) -> FitArrays:
     batched = (models, data) if ndim == 2 else data
     arrays, static = eqx.partition(batched, eqx.is_array)
 
@@ -190,7 +196,7 @@ def _fit_many(models, free, data, solver, starts, spread, key, max_steps, chunk,
         model, own = whole if ndim == 2 else (models, whole)
         return minimise(model, free, own, solver, starts, spread, key, max_steps)
 
-    return jax.lax.map(one, arrays, batch_size=chunk)
+    return jax.lax.map(one, arrays, batch_size=batch_size)
 
 
 def minimise(
@@ -294,5 +300,5 @@ def _best_start(
         good = (solution.result == optx.RESULTS.successful) & jnp.isfinite(cost)
         return solution.value, jnp.where(good, cost, jnp.inf)
 
-    ends, costs = jax.lax.map(one, jax.lax.stop_gradient(y0), batch_size=min(CHUNK, starts))
+    ends, costs = jax.lax.map(one, jax.lax.stop_gradient(y0), batch_size=min(BATCH, starts))
     return ends[jnp.argmin(costs)], costs

@@ -94,15 +94,15 @@ def surrogate_ratio(surrogate: Surrogate, condition: HaemodynamicCondition, alph
 
 
 def next_alpha(
-    trials: Sequence[Trial], target: float, surrogate: Surrogate, condition: HaemodynamicCondition
+    surrogate: Surrogate, condition: HaemodynamicCondition, target: float, trials: Sequence[Trial]
 ) -> float:
     """Scale factor to try next.
 
     Args:
-        trials: runs so far; those whose ratio is not between 0 and 1 are ignored.
-        target: measured resting ratio [-].
         surrogate: R0, and K where the curve is known; its own alpha is not used.
         condition: the resting condition.
+        target: measured resting ratio [-].
+        trials: runs so far; those whose ratio is not between 0 and 1 are ignored.
 
     Raises:
         ValueError: no run has a ratio between 0 and 1, or no scale factor reaches the target.
@@ -127,11 +127,11 @@ def next_alpha(
 
 
 def calibrate_in_loop(
-    run: Callable[[float], float],
-    starts: Sequence[float],
-    target: float,
     surrogate: Surrogate,
     condition: HaemodynamicCondition,
+    target: float,
+    run: Callable[[float], float],
+    starts: Sequence[float],
     *,
     tolerance: float = RATIO_TOLERANCE,
     max_extra: int = MOST_EXTRA_RUNS,
@@ -139,11 +139,11 @@ def calibrate_in_loop(
     """Correct α with runs in 3D until the resting ratio is the measured one.
 
     Args:
-        run: gives the resting ratio in 3D with a scale factor.
-        starts: scale factors of the first runs, from surrogates in ascending order of trust.
-        target: measured resting ratio [-].
         surrogate: R0, and K where the curve is known.
         condition: the resting condition.
+        target: measured resting ratio [-].
+        run: gives the resting ratio in 3D with a scale factor.
+        starts: scale factors of the first runs, from surrogates in ascending order of trust.
         tolerance: of the ratio [-].
         max_extra: runs beyond the first at most, those of further starts included.
 
@@ -167,7 +167,7 @@ def calibrate_in_loop(
         if len(trials) < len(starts):
             alpha = starts[len(trials)]
         else:
-            alpha = next_alpha(trials, target, surrogate, condition)
+            alpha = next_alpha(surrogate, condition, target, trials)
         trials.append(Trial(alpha, run(alpha)))
         if abs(trials[-1].ratio - target) <= tolerance:
             break

@@ -9,7 +9,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from calibration.fit import CHUNK, data_residual, minimise
+from calibration.fit import BATCH, data_residual, minimise
 from calibration.free_parameter import check_start, coordinates, write
 from calibration.optimum import Fit
 
@@ -70,4 +70,4 @@ def _profile(model, at, rest, data, solver, steps):
         return cost + own, outcome.values, outcome.result
 
     # `lax.map` cannot chunk empty results, and without other parameters there is nothing to chunk
-    return jax.lax.map(one, steps, batch_size=CHUNK) if rest else jax.vmap(one)(steps)
+    return jax.lax.map(one, steps, batch_size=BATCH) if rest else jax.vmap(one)(steps)

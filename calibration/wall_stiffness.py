@@ -257,7 +257,7 @@ def learned(found: Fit) -> tuple[str, ...]:
     """
     lines = [
         f"{parameter.name} ended at its {'upper' if int(side) > 0 else 'lower'} bound: the lumens"
-        " ask for more than any tissue has, so that the model lacks something."
+        " imply a value beyond any tissue, so the model lacks something."
         for parameter, side in zip(found.free, found.at_bound, strict=True)
         if int(side) != 0
     ]
@@ -270,12 +270,12 @@ def learned(found: Fit) -> tuple[str, ...]:
             idle.append(parameter.name)
         else:
             lines.append(
-                f"Of {parameter.name} the lumens leave {100.0 * share:.0f} % of the spread that it"
-                " has between people."
+                f"For {parameter.name} the lumens leave {100.0 * share:.0f} % of the spread between"
+                " people."
             )
     if idle:
         lines.append(
-            f"Of {', '.join(idle)} the lumens say next to nothing: value and interval are what is"
-            " known of other people, not of this patient."
+            f"The lumens say next to nothing about {', '.join(idle)}: value and interval reflect"
+            " other people, not this patient."
         )
     return tuple(lines)

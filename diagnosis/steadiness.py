@@ -40,8 +40,8 @@ where none is stated."""
 WORDS = {
     "irregular": "the pulse varies from beat to beat as in an arrhythmia",
     "alternating": "every second beat is weaker",
-    "wandering": "the distal trace wanders against the aortic one, as with a wire that moves or "
-    "warms up",
+    "wandering": "the distal trace wanders relative to the aortic one, as with a wire that moves "
+    "or warms up",
 }
 """What is said of beats that are not alike."""
 

@@ -41,7 +41,7 @@ def ratio_in_3d(alpha):
 
 # %% The surrogate's own α first, then corrections
 start = float(calibration.alpha_closed_form(surrogate, rest, measured))
-found = calibration.calibrate_in_loop(ratio_in_3d, [start], measured, surrogate, rest)
+found = calibration.calibrate_in_loop(surrogate, rest, measured, ratio_in_3d, [start])
 for trial in found.trials:
     print(f"alpha {trial.alpha:.4f}: Pd/Pa in 3D {trial.ratio:.4f}")
 print(f"reached {measured} within {calibration.RATIO_TOLERANCE}: {found.reached}")

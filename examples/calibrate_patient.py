@@ -15,7 +15,8 @@ import study
 
 case = study.read_case(study.demo_case_path())
 rest = case.conditions["rest"]
-lumen = jaxfsi.read_ivus_contours(case.anatomy.contours)
+anatomy = case.anatomy
+lumen = jaxfsi.read_ivus_contours(anatomy.contours, frame_table=anatomy.first.frame_table)
 law = calibration.lumen_law(lumen, mu=case.blood.mu, rho=case.blood.rho_f)
 print(f"dP = {law.R0:.0f} Q + {law.K:.0f} Q|Q|  (CGS)")
 

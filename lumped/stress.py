@@ -20,7 +20,8 @@ class StressRule(eqx.Module):
     """Factors that multiply the parameters of a boundary block under stress.
 
     Coronary blocks use R_1, R_2, R_3, C_a, C_im; Windkessel blocks use R_proximal, R_distal, C.
-    All factors are differentiated.
+    All factors are differentiated. The defaults are those of the rule "printed", not 1; in a case
+    file a factor that is left out of [stress.factors] is 1.
 
     Source: Puelz et al. 2024, section 2.3.
     """

@@ -31,8 +31,8 @@ _CURE = (
 
 
 def write_svzerod(
-    case: SvZeroDCase | Network,
     path: str | os.PathLike[str],
+    case: SvZeroDCase | Network,
     *,
     period: float | None = None,
     samples: int = SAMPLES,
@@ -40,8 +40,8 @@ def write_svzerod(
     """Write a case that svZeroDSolver runs. The file appears whole or not at all.
 
     Args:
-        case: the case, or a network to be run with the settings that `SvZeroDCase` defaults to.
         path: the file to write.
+        case: the case, or a network to be run with the settings that `SvZeroDCase` defaults to.
         period: length of the cycle [s]; needed with a network, refused with a case.
         samples: equal parts of the period into which smooth waveforms are cut.
 

@@ -157,7 +157,10 @@ class TruthCircuit:
             for _ in range(4):
                 power = K * (q + 1e-12) ** 0.85
                 q = np.maximum(q - (R_at * q + power * q - np.abs(drop)) / (R_at + 1.85 * power), 0)
-            Q[at] = np.sign(drop) * q
+            # beside an inertance the flow is a state, and the loss is a part of what slows it
+            inert = self.has_L[at]
+            R[at] += np.where(inert, K * np.abs(Q_L[at]) ** 0.85, 0.0)
+            Q[at] = np.where(inert, Q_L[at], np.sign(drop) * q)
         self.R_seen = R
         return Q
 

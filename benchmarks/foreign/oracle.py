@@ -48,6 +48,10 @@ effects that an ambiguous answer lists, together."""
 Answer = dict[str, Any]
 
 
+KNOWN = ("zerod", "other_forms", "real_clock")
+"""Generators whose effects the oracle can draw and run."""
+
+
 def oracle(folder: pathlib.Path, draws: int | None = None, records: int | None = None) -> None:
     """Answer a set and write `answers-oracle.json`; answers that are there already are kept.
 
@@ -57,9 +61,15 @@ def oracle(folder: pathlib.Path, draws: int | None = None, records: int | None =
         records: only so many of them.
 
     Raises:
-        ValueError: a record is not what its generator and seed give.
+        ValueError: a record is not what its generator and seed give, or the oracle does not know
+            the generator.
     """
     content = json.loads((folder / "labels.json").read_text(encoding="utf-8"))
+    if content["generator"] not in KNOWN:
+        raise ValueError(
+            f"{folder} is of the generator {content['generator']}, which the oracle does not know;"
+            f" it knows {', '.join(KNOWN)}."
+        )
     file = folder / "answers-oracle.json"
     answers = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
     module = importlib.import_module(f"benchmarks.foreign.{content['generator']}")

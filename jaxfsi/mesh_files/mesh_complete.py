@@ -81,7 +81,7 @@ def read_mesh_complete(
     *,
     unit: Unit,
     labels: Mapping[str, str] | None = None,
-    tolerance_cm: float | None = None,
+    tolerance: float | None = None,
     any_size: bool = False,
     damaged: bool = False,
 ) -> Mesh:
@@ -98,7 +98,7 @@ def read_mesh_complete(
         solid: folder of the wall; None for blood alone.
         unit: length unit of the files.
         labels: label of surface files that are to be named otherwise.
-        tolerance_cm: distance up to which nodes of fluid and solid are one [cm]; None: a
+        tolerance: distance up to which nodes of fluid and solid are one [cm]; None: a
             millionth of the extent.
         any_size: read meshes too that are too large or too small for a vessel.
         damaged: read meshes with faults too, to examine them with `jaxfsi.meshing.check_topology`.
@@ -124,7 +124,7 @@ def read_mesh_complete(
     whole = _reassembled(folders, unit)
     path = next(iter(folders.values())).path
     if whole is None:
-        joined = _joined(folders, unit, dict(labels or {}), tolerance_cm)
+        joined = _joined(folders, unit, dict(labels or {}), tolerance)
         return accepted(joined, None, path, damaged=damaged)
     return accepted(whole, labels, path, damaged=damaged)
 

@@ -110,9 +110,10 @@ def with_parameters(model: Model, parameters: TubeParameters) -> Model:
 def outlet_pressure(
     parameters: TubeParameters, model: Model, state: State, stepper: Stepper, n_steps: int
 ) -> Float[Array, ""]:
-    """Mean pressure of the outlet over the steps [dyn/cm²]."""
+    """Mean pressure of the outlet over the steps [dyn/cm²]; not a number where a step failed."""
     end = march(with_parameters(model, parameters), state, stepper, n_steps, throw=False)
-    return jnp.mean(end.history.P_port[:, model.names.index("outlet")])
+    mean = jnp.mean(end.history.P_port[:, model.names.index("outlet")])
+    return jnp.where(end.n_steps == n_steps, mean, jnp.nan)
 
 
 @eqx.filter_jit

@@ -115,7 +115,8 @@ class IvusAnatomy:
     septum: Annotated[
         Number | None,
         Quantity(
-            "length", "mm", 0.1, 10.0, text="tissue where no frame table tells it", example=0.8
+            "length", "mm", 0.1, 10.0, example=0.8,
+            text="tissue between aorta and artery, where no frame table gives it",
         ),
     ] = None  # fmt: skip
     take_off_angle: Annotated[

@@ -69,7 +69,7 @@ def _ivus(
             context.add(place, None, "not a valid name of a state", f"write {allowed}", allowed)
         elif name == FIRST_STATE and "contours" in table:
             cure = "keep either contours below [anatomy] or this table"
-            context.add(place, None, "the state stands directly below [anatomy] as well", cure)
+            context.add(place, None, "the state is given directly below [anatomy] as well", cure)
         else:
             found = read_table(value, place, STATE, context)
             if found["contours"] is not None:
@@ -96,7 +96,7 @@ def _check_lines(values: dict[str, Value], table: dict[str, Any], context: Conte
     ):
         if values[name] is not None and needed not in table:
             key = next(k.key for k in KINDS["ivus"] if k.field == name)
-            problem = f"{needed}, beside which it has a meaning, is missing"
+            problem = f"it needs {needed}, which is missing"
             cure = f"add {needed} = ... below [anatomy], or leave {key} out"
             context.add(f"anatomy.{key}", table.get(key), problem, cure)
     if values["aorta_centerline"] is not None and values["aorta_radius"] is not None:

@@ -10,7 +10,7 @@ from study.case.schema import Number, Quantity, Word
 
 @dataclass(frozen=True)
 class BloodParameters:
-    """The blood; 0D knows its viscosity alone, 3D shear thinning too.
+    """The blood: 0D takes its viscosity as constant, 3D can model shear thinning too.
 
     The parameters of Carreau and Yasuda are those of Cho & Kensey 1991; they act where the law says
     so: μ = μ_inf + (μ_0 − μ_inf)(1 + (λγ)^a)^((n−1)/a) at the shear rate γ.

@@ -30,15 +30,16 @@ class BodyParameters:
         Quantity("number", "years", 2.0, 110.0, name="age", text="age", example=11.0),
     ] = None
     sex: Annotated[
-        Literal["female", "male"] | None, Word(text="of the growth charts", example="female")
+        Literal["female", "male"] | None,
+        Word(text="for pressures and growth charts", example="female"),
     ] = None
     dominance: Annotated[
         Literal["right", "left", "balanced"],
-        Word(text="artery that feeds the lower wall of the left ventricle"),
+        Word(text="artery that supplies the inferior wall of the left ventricle"),
     ] = "right"
     anomalous_artery: Annotated[
         Literal["left", "right"] | None,
         Word(
-            text="where [anatomy] does not say it; right if neither does", example="right"
+            text="where [anatomy] does not say which; default: right", example="right"
         ),
     ] = None  # fmt: skip

@@ -93,7 +93,7 @@ class Condition:
     ] = None  # fmt: skip
     drug: Annotated[
         Literal["adenosine", "dobutamine", "other"] | None,
-        Word(text="of a condition under stress; else its name tells", example="dobutamine"),
+        Word(text="given under stress; default: by the condition's name", example="dobutamine"),
     ] = None
     waveform: Annotated[
         Beat | None,

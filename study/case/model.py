@@ -104,7 +104,7 @@ def _resistance(case: Case) -> Fault | None:
     from_body = case.surrogate.law == "linear" and "surrogate.R0" in case.from_body.assumed
     if case.surrogate.R0 is not None or isinstance(case.anatomy, IvusAnatomy) or from_body:
         return None
-    problem = "the resistance of the anomalous artery is missing, and no contours to get it from"
+    problem = "the resistance of the anomalous artery is missing; no contours to derive it from"
     cure = 'give it below [surrogate], or an [anatomy] with kind = "ivus", or a [body] and the '
     cure += "resting ratio"
     return Fault(case.path, "surrogate.R0_dyn_s_per_cm5", None, problem, "above 0", cure)
@@ -126,7 +126,7 @@ def _quadratic_loss(case: Case) -> Fault | None:
     given = case.surrogate.K is not None or isinstance(case.anatomy, IvusAnatomy)
     if case.surrogate.law == "linear" or given:
         return None
-    problem = 'law = "quadratic" needs the loss K, and no contours to get it from'
+    problem = 'law = "quadratic" needs the loss K; there are no contours to derive it from'
     cure = 'give K below [surrogate], or an [anatomy] with kind = "ivus", or write law = "linear"'
     return Fault(case.path, "surrogate.K_dyn_s2_per_cm8", None, problem, "0 or above", cure)
 
@@ -184,7 +184,7 @@ def _support(case: Case) -> Fault | None:
     tissue = case.wall.tissue
     if tissue.stiffness or not tissue.damping:
         return None
-    problem = "tissue that damps the wall and does not hold it plays no part in an equilibrium"
+    problem = "tissue with damping but no stiffness has no effect in a static equilibrium"
     cure = "add stiffness_dyn_per_cm3 to [tissue], where the fit starts, or leave the table out"
     return Fault(case.path, "tissue.stiffness_dyn_per_cm3", 0.0, problem, "above 0", cure)
 

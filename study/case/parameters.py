@@ -91,8 +91,8 @@ class WallParameters:
     element: Annotated[
         Literal["bending", "linear", "quadratic"],
         Word(
-            text="bending: wedges where the wall stands in columns; linear hardly bends;"
-            " quadratic takes three times as long"
+            text="bending: wedges where columns fit in the wall; linear hardly bends;"
+            " quadratic takes three times as long as linear"
         ),
     ] = "bending"
     prestress: Annotated[
@@ -157,7 +157,7 @@ class WallParameters:
         Number | None,
         Quantity(
             "stiffness", "dyn_per_cm2", 2.0e5, 3.0e8,
-            text="of what lies between aorta and coronary in 3D; without it, that of the wall",
+            text="Young's modulus between aorta and coronary in 3D; without it, that of the wall",
             example=1.4e7,
         ),
     ] = None  # fmt: skip
@@ -197,7 +197,7 @@ class CoronaryParameters:
     ] = NOMINAL["R_1"]
     R_2: Annotated[
         Number,
-        Quantity("resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, text="distal arterial resistance"),
+        Quantity("resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, text="microvascular resistance"),
     ] = NOMINAL["R_2"]
     R_3: Annotated[
         Number, Quantity("resistance", "dyn_s_per_cm5", 1.0e3, 1.0e8, text="venous resistance")
@@ -215,7 +215,7 @@ class CoronaryParameters:
     im_factor: Annotated[
         Number,
         Quantity(
-            "number", "", 0.0, 3.0, text="share of the ventricular pressure that squeezes C_im",
+            "number", "", 0.0, 3.0, text="factor of the ventricular pressure on C_im",
             advice="give the factor of the LV pressure, usually 1",
         ),
     ] = 1.0  # fmt: skip
@@ -243,7 +243,7 @@ class SurrogateParameters:
     """The anomalous artery in 0D, dP = R0 Q + K Q abs(Q).
 
     Under the linear law the resting ratio fixes alpha/R0, so that FFR does not depend on R0: jaxfsi
-    run needs none, only alpha and the flow do. With an ivus anatomy R0 and K follow from it.
+    run needs no R0; only alpha and flow depend on it. With an ivus anatomy R0 and K follow from it.
     """
 
     R0: Resistance = None
@@ -377,7 +377,7 @@ class MeshOptions:
         int | None,
         Quantity(
             "number", "", 2.0, 24.0, whole=True, example=8,
-            text="at least so many across the narrowest width; medium: 6, fine: 8",
+            text="least number across the narrowest width; medium: 6, fine: 8",
         ),
     ] = None  # fmt: skip
     wall_layers: Annotated[

@@ -155,7 +155,7 @@ def _table(file: pathlib.Path) -> tuple[list[str], list[_Row]]:
         raise CaseError([fault]) from error
     if not rows or len(rows) > MOST_PATIENTS:
         problem = f"{len(rows)} patients below the line of columns"
-        cure = 'start from "jaxfsi template --csv": a line of columns, then a row a patient'
+        cure = 'start from "jaxfsi template --csv": a line of columns, then one row per patient'
         raise CaseError([Fault(file, "", None, problem, f"1 to {MOST_PATIENTS}", cure)])
     return header, rows
 
@@ -185,7 +185,7 @@ def _header_faults(
     for name in dict.fromkeys(header):
         place = f"column {name}" if name else "column without a name"
         if header.count(name) > 1:
-            yield Fault(file, place, None, "stands twice", "", "keep one of the two", 1)
+            yield Fault(file, place, None, "appears twice", "", "keep one of the two", 1)
         if name in keys:
             continue
         known = list(_columns())

@@ -14,16 +14,16 @@ _PART = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS}}}")
 
 _SYNTAX = (
-    ("Cannot overwrite a value", "the key stands twice, or also as a table"),
-    ("Cannot declare", "the table stands twice"),
-    ("Cannot redefine", "the table stands twice"),
+    ("Cannot overwrite a value", "the key appears twice, or also as a table"),
+    ("Cannot declare", "the table appears twice"),
+    ("Cannot redefine", "the table appears twice"),
     ("Cannot mutate", "the table is complete already, and cannot be added to here"),
-    ("Duplicate inline table key", "a key stands twice between braces"),
+    ("Duplicate inline table key", "a key appears twice between braces"),
     ("Expected '=' after a key", "no = after the key"),
     ("Expected ']", "no closing bracket after the name of a table"),
-    ("Invalid initial character", "no key begins so"),
-    ("Invalid statement", "no key begins so"),
-    ("Expected newline", "something stands behind the value"),
+    ("Invalid initial character", "a key cannot begin like this"),
+    ("Invalid statement", "a key cannot begin like this"),
+    ("Expected newline", "there is something after the value"),
     ("Unclosed array", "a list without its closing bracket"),
     ("Unclosed inline table", "a table without its closing brace"),
     ("Unterminated string", "a text without its closing quote"),

@@ -14,12 +14,12 @@ from study.case.schema import Number, Quantity
 
 @dataclass(frozen=True)
 class UncertaintyParameters:
-    """How well the numbers of a case are known; `jaxfsi run --uncertainty` uses it.
+    """How well the numbers of a case are known, for --uncertainty of jaxfsi run and study.
 
     Without bed_factor the response of the bed to stress follows from flow reserves in the
-    literature, by the drug, which the name of the condition says (adenosine, dobutamine, or any
-    other), and by the age of the patient, age_years below [body]. So does stress_loss. Without
-    lumen_sd, which jaxfsi diagnose uses, it is 0.1 mm by ultrasound and 0.2 mm by CT.
+    literature, for the drug (key drug of the condition, else its name: adenosine, dobutamine, or
+    any other) and the age of the patient, age_years in [body]. So does stress_loss. Without
+    lumen_sd, which jaxfsi diagnose uses, the lumen is known to 0.1 mm by ultrasound, 0.2 by CT.
     """
 
     pressure_sd: Annotated[

@@ -36,7 +36,7 @@ def algorithm_command(request: Request[StudyOptions], case: Case, folder: pathli
             if str(stop) or not (folder / STAGE_FOLDER).is_dir():
                 raise
             raise KeyboardInterrupt(
-                f"interrupted; what was computed is in {folder}. Give the same command again to"
-                " go on."
+                f"interrupted; what was computed is in {folder}. Run the same command again to"
+                " resume."
             ) from None
     return Answer(document, written)

@@ -38,7 +38,7 @@ def _lines(checked: CheckedFile, *, quiet: bool) -> Iterator[str]:
     yield f"  {'can be run:':<14}{', '.join(checked.runs)}"
     for command, faults in checked.lacks.items():
         reasons = "; ".join(f"{fault.key}: {fault.problem}" for fault in faults)
-        yield f"  not {command}: {reasons}"
+        yield f"  cannot {command}: {reasons}"
 
 
 def _entry(checked: CheckedFile) -> dict[str, Any]:

@@ -75,7 +75,13 @@ def add_arguments(name: str, command: argparse.ArgumentParser) -> None:
 
 
 def _sweep_arguments(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--alpha", type=alpha_range, required=True, metavar="FROM:TO:N")
+    command.add_argument(
+        "--alpha",
+        type=alpha_range,
+        required=True,
+        metavar="FROM:TO:N",
+        help="N values of alpha from FROM to TO, in equal ratios; e.g. 0.01:10:200",
+    )
     command.add_argument("--condition", default="rest", metavar="NAME", help="default: rest")
     command.add_argument("--rule", help="stress rule: printed, all, or factors of the case")
 
@@ -108,7 +114,7 @@ def _completion_arguments(command: argparse.ArgumentParser) -> None:
 
 def _record_arguments(command: argparse.ArgumentParser) -> None:
     case = "case file or finished study that R0 is taken from"
-    command.add_argument("record", type=pathlib.Path, metavar="RECORD", help="its folder")
+    command.add_argument("record", type=pathlib.Path, metavar="RECORD", help="folder of the record")
     command.add_argument("--case", type=pathlib.Path, metavar="CASE", help=case)
 
 
@@ -204,13 +210,17 @@ def _simulation_arguments(command: argparse.ArgumentParser) -> None:
     _key_arguments(command, MeshOptions, "preset")
     _key_arguments(command, SolverOptions, "dt")
     command.add_argument(
-        "--cycles", type=positive(1000.0), metavar="N", help="may be a part of one; default: 4"
+        "--cycles",
+        type=positive(1000.0),
+        metavar="N",
+        help="heart cycles, may be a fraction; default: cycles of [solver], else 4",
     )
     command.add_argument(
         "--alpha",
         type=positive(1e6),
         metavar="X",
-        help="of the anomalous outlet; by default tuned",
+        help="scale of the anomalous outlet's resistances; default: tuned to the resting ratio, or"
+        " 1 where that is not possible",
     )
     command.add_argument(
         "--restart",
@@ -238,10 +248,13 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
     _key_arguments(command, MeshOptions, "preset")
     _key_arguments(command, SolverOptions, "dt")
     command.add_argument(
-        "--cycles", type=count(1, 100), metavar="N", help="of each run; default: 1"
+        "--cycles",
+        type=count(1, 100),
+        metavar="N",
+        help="of each run; default: cycles of [solver], else 1, and 1 with --quick",
     )
     command.add_argument(
-        "--continued", action="store_true", help="stress goes on from the end of rest"
+        "--continued", action="store_true", help="start each stress run from the end of rest"
     )
     command.add_argument(
         "--rules", type=names, metavar="NAMES", help="stress rules, such as printed,all"
@@ -254,8 +267,9 @@ def _study_arguments(command: argparse.ArgumentParser) -> None:
         "--sensitivities",
         type=names,
         metavar="NAMES",
-        help="conditions whose ratio in 3D is differentiated by parameters and lumen, such as "
-        "dobutamine; with rest among them, also with alpha tuned again; five to ten runs each",
+        help="conditions whose ratio in 3D is differentiated with respect to parameters and lumen,"
+        " such as dobutamine; with rest among them, also with alpha tuned again; five to ten runs"
+        " each",
     )
     command.add_argument(
         "--paper",
@@ -329,10 +343,10 @@ def _cohort_arguments(command: argparse.ArgumentParser) -> None:
     what.add_argument("folder", nargs="?", type=pathlib.Path, help=told, metavar="DIR")
     what.add_argument("--demo", action="store_true", help="use the bundled virtual cohort")
     command.add_argument(
-        "--mode", choices=("curve", "3d"), default="curve", help="0D or 3D; default: curve"
+        "--mode", choices=("curve", "3d"), default="curve", help="curve: 0D, 3d: 3D; default: curve"
     )
     command.add_argument(
-        "--workers", type=count(1, 1024), metavar="N", help="cases at a time; default: one a core"
+        "--workers", type=count(1, 1024), metavar="N", help="cases at a time; default: one per core"
     )
     command.add_argument(
         "--executor",

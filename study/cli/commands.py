@@ -63,7 +63,7 @@ def _ended(request: Request[Any], signals: Signals) -> int:
             raise
         complain(f"the computation failed: {error or type(error).__name__}")
         if not isinstance(error, ValueError | RuntimeError):
-            complain("    try: again with JAXFSI_TRACEBACK=1 for the place, and report it")
+            complain("    try: run again with JAXFSI_TRACEBACK=1 to see where, and report it")
         return FAILED
 
 

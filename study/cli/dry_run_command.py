@@ -64,9 +64,9 @@ def _lines(
     request: Request[Any], folder: pathlib.Path, parts: list[DryPart], aside: list[str]
 ) -> Iterator[str]:
     yield f"{request.command}: nothing is computed and nothing is written"
-    yield f"  results go to {folder}{'' if folder.is_dir() else ', which is not there yet'}"
+    yield f"  results go to {folder}{'' if folder.is_dir() else ', which will be created'}"
     for kind in aside:
-        yield f"  the result of {kind} that lies there makes way, to a folder earlier-N"
+        yield f"  the earlier result of {kind} there will be moved to a folder earlier-N"
     for part in parts:
         known = part.seconds is not None and part.state != dry_run.KEPT
         usual = f"  about {_span(part.seconds or 0.0)}" if known else ""

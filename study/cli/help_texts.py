@@ -3,13 +3,13 @@
 from study.store.cache_folder import VARIABLE
 
 DESCRIPTION = """\
-Pressure ratios (FFR, resting Pd/Pa) of anomalous coronary arteries by reduced models that are
-tuned to one patient. Research software, not a medical device.
+Predicts pressure ratios (FFR, resting Pd/Pa) of anomalous coronary arteries, with 0D and 3D
+fluid-structure models tuned to one patient. Research software, not a medical device.
 """
 
 EPILOG = f"""\
 examples:
-  jaxfsi template > case.toml             start a case file; --record a measured record
+  jaxfsi template > case.toml             start a case file (--record: a measured record)
   jaxfsi check case.toml                  what is wrong with it, and what can be run
   jaxfsi run --demo                       the real patient that comes with the package
   jaxfsi run case.toml                    results in case-results/, report.html first
@@ -17,7 +17,7 @@ examples:
   jaxfsi show case-results                what was found, in the terminal
 
 exit status: 0 done, 1 the computation failed, 2 the input was refused, 130 interrupted.
-Compiled code is kept in the user's cache folder; {VARIABLE} names another folder, or off.
+Compiled code is kept in the user's cache folder; set {VARIABLE} to another folder, or to off.
 NO_COLOR=1 leaves colours out; JAXFSI_TRACEBACK=1 shows where a computation failed.
 """
 
@@ -90,16 +90,17 @@ examples:
   jaxfsi simulate case.toml --rigid --cycles 1
   jaxfsi simulate --demo --preset coarse --cycles 0.05
 
-needs an anatomy and the cardiac output. Writes fields/fields.pvd (open it in ParaView, also while
-the run goes on; Warp By Vector with displacement_cm moves the points), history.csv, shear.vtu,
-the course of the artery (centerline.vtp, pullback.csv), its lumen in colours (lumen.glb),
-simulation.json and simulation.html. A run that was ended goes on when the same command is given
-again (its input is compared by hash); --restart starts anew and moves the files of the earlier run
-to the sub-folder earlier-1 (then earlier-2, ...). Ctrl-C keeps all whole chunks of ten steps.
+needs an anatomy and the cardiac output. Writes fields/fields.pvd (open it in ParaView, even while
+the run is in progress; Warp By Vector with displacement_cm moves the points), history.csv,
+shear.vtu, pressure and lumen along the artery (centerline.vtp, pullback.csv), its lumen in colours
+(lumen.glb), simulation.json and simulation.html. Running the same command again resumes an
+interrupted run if its input is unchanged (compared by hash); --restart starts over and moves the
+files of the earlier run to the sub-folder earlier-1 (then earlier-2, ...). Ctrl-C keeps every
+completed block of ten steps.
 """,
     ),
     "study": (
-        "algorithm 1 in 3D: ramp, calibration in the loop, rest and stress",
+        "the full 3D study: resistance ramp, calibration with 3D in the loop, rest and stress",
         """\
 examples:
   jaxfsi study case.toml --preset coarse             everything, one cycle each
@@ -110,8 +111,8 @@ examples:
   jaxfsi study --demo --quick --out results          the bundled patient in three to five minutes
 
 needs an anatomy, the cardiac output and the measured resting ratio. Writes study.html, study.json,
-pictures, stages/ and the fields of every run below runs/. Given again, the command goes on where it
-was ended; what does not follow from a changed input is not computed again.
+pictures, stages/ and the fields of every run below runs/. Run again, the command resumes where it
+stopped and recomputes only what a changed input affects.
 """,
     ),
     "what-if": (
@@ -139,19 +140,19 @@ examples:
   jaxfsi cohort patients/ --executor dask        on Dask; dask:ADDRESS, slurm:partition=long,time=90
   jaxfsi cohort patients/ --emit-jobs jobs       write an array of jobs for sbatch instead
   jaxfsi cohort patients/ --gather               results of the cases that are finished
-  jaxfsi cohort patients.csv                     a row a patient, a column a key of a case file
+  jaxfsi cohort patients.csv                     one row per patient, one column per key of a case
   jaxfsi cohort --demo --out results             the ten virtual children that come with the package
 
 DIR holds NAME/case.toml or NAME.toml for each patient; a CSV file has columns such as patient.id
-and condition.rest.ffr (jaxfsi template --csv), and is refused as a whole where a cell is. What
-stands behind -- goes to the command of each case (run in mode curve, study in mode 3d). Each runs
-in a process of its own; one that fails does not stop the others, and one that is lost with its
-worker or node is submitted again, three times at most. Given again, the command goes on with those
-that are not finished. Writes cohort.html, cohort.json and a folder with the report of each case.
+and condition.rest.ffr (jaxfsi template --csv), and one bad cell refuses the whole file. What
+follows -- is passed to the command of each case (run in mode curve, study in mode 3d). Each case
+runs in its own process; a failed case does not stop the others, and one lost with its worker or
+node is resubmitted, three times at most. Run again, the command resumes the unfinished cases.
+Writes cohort.html, cohort.json and a folder with the report of each case.
 """,
     ),
     "diagnose": (
-        "say where simulation and measurement differ, which effect causes it, how far it shrinks",
+        "say where model and measurement differ, which effect explains the gap, and how well",
         """\
 examples:
   jaxfsi diagnose record                       a folder with record.toml
@@ -162,7 +163,7 @@ examples:
 
 writes diagnosis.json and diagnosis.html. Conditions with held_out = true are predicted and only
 then compared. With --in-3d every condition is run in the FSI model too, as calibrated and with the
-named effect; the runs are kept in in-3d/, and the command given again goes on where it was ended.
+named effect; the runs are kept in in-3d/, and running the command again resumes them.
 """,
     ),
     "import-record": (

@@ -92,8 +92,8 @@ def _ending(outcome: Outcome, folder: pathlib.Path) -> BaseException | None:
     """Why a run ended early; None where it did not."""
     if outcome.interrupted:
         return KeyboardInterrupt(
-            f"interrupted; all whole chunks that were computed are in {folder}. "
-            "Give the same command again to go on; --restart starts anew."
+            f"interrupted; every completed block of ten steps is in {folder}. "
+            "Run the same command again to resume; --restart starts over."
         )
     if outcome.failure:
         kept = f" What was computed before is in {folder}." if outcome.record.n_steps else ""

@@ -289,8 +289,8 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
     ratio = ramp.tangent_40_mmHg / ramp.secants_by_drop_mmHg["8"].secant
     yield (
         "info",
-        f"the slope of the ramp at 40 mmHg is {ratio:.1f} times the resistance at a drop of 8 mmHg:"
-        " the linear surrogate of the paper takes the one for the other",
+        f"the slope of the ramp at 40 mmHg is {ratio:.1f} times the resistance at a drop of 8 mmHg;"
+        " the paper's linear surrogate uses that slope as the resistance at every drop",
     )
     laws = (*chosen_laws(result.case), *wall_without_columns(result.case, result.mesh))
     yield from (("info", text) for text in laws)
@@ -315,9 +315,9 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
         elif change is None and (run.drift_mmHg or 0.0) > PERIODIC_MMHG:
             yield (
                 "warning",
-                f"{run.folder}: one cycle, and the coronary bed moved by"
-                f" {run.drift_mmHg:.1f} mmHg in it; take two (--cycles 2) to see what it does to"
-                " the ratio",
+                f"{run.folder}: the pressures of the coronary bed drifted by up to"
+                f" {run.drift_mmHg:.1f} mmHg over the single cycle; run two (--cycles 2) to see the"
+                " effect on the ratio",
             )
         if run.repeated:
             yield (
@@ -340,20 +340,20 @@ def _mesh_note(result: StudyResult) -> tuple[str, str]:
     if found is None:
         return (
             "info",
-            "the mesh error of R0 and flow was not estimated; --mesh-error does, by a ramp on a"
-            " second mesh",
+            "the mesh error of R0 and flow was not estimated; --mesh-error estimates it with a ramp"
+            " on a second mesh",
         )
     if isinstance(found, str):
         return "warning", f"the mesh error could not be estimated: {found}"
     R0, flow = found.tangent_40_mmHg, found.rest_flow_ml_per_min
     text = (
-        f"without mesh error R0 at 40 mmHg is expected to be {R0.expected:.0f} [{R0.low:.0f},"
-        f" {R0.high:.0f}] in place of {R0.value:.0f} dyn·s/cm⁵, and the flow at rest"
-        f" {flow.expected:.0f} [{flow.low:.0f},"
-        f" {flow.high:.0f}] in place of {flow.value:.0f} mL/min"
+        f"corrected for mesh error, R0 at 40 mmHg is {R0.expected:.0f} [{R0.low:.0f},"
+        f" {R0.high:.0f}] dyn·s/cm⁵ instead of {R0.value:.0f}, and the flow at rest is"
+        f" {flow.expected:.0f} [{flow.low:.0f}, {flow.high:.0f}] mL/min instead of"
+        f" {flow.value:.0f}"
     )
     large = abs(R0.expected / R0.value - 1.0) > MESH_BOUND
-    return ("warning", f"{text}: take a finer mesh for them") if large else ("info", text)
+    return ("warning", f"{text}: use a finer mesh for both") if large else ("info", text)
 
 
 def _aortic_flow(run: Run3D, windkessel: WindkesselParameters) -> Iterator[tuple[str, str]]:
@@ -369,9 +369,10 @@ def _aortic_flow(run: Run3D, windkessel: WindkesselParameters) -> Iterator[tuple
     cure = '; try characteristic = "impedance" below [windkessel]' if paper else ""
     yield (
         "warning",
-        f"{run.folder}: the flow in the aorta, {low:.0f} to {high:.0f} l/min, is not to be read:"
-        " it is what the Windkessel takes under the given pressure. Its velocity head makes the"
-        f" mean pressure at the ostium differ by {offset:.1f} mmHg from that at the inlet{cure}",
+        f"{run.folder}: ignore the flow in the aorta, {low:.0f} to {high:.0f} L/min: it is what the"
+        " Windkessel draws under the prescribed pressure, not what a heart ejects. Its velocity"
+        f" head makes the mean pressure at the ostium differ by {offset:.1f} mmHg from that at the"
+        f" inlet{cure}",
     )
 
 

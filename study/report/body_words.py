@@ -66,9 +66,9 @@ def normal_bed_notes(
     flow = (mean - bed.P_venous) / (bed.R_1 + bed.R_2 + bed.R_3) / ML_PER_MIN
     yield (
         "info",
-        f"{BED_NOTICE} and does not know the size of the"
-        f" patient: at rest it carries {flow:.0f} mL/min, with {1.0 / alpha:.2g} times the"
-        " resistance of the tuned anomalous bed. With height_cm below [body] it is sized.",
+        f"{BED_NOTICE} and is not scaled to the patient: at rest it carries {flow:.0f} mL/min,"
+        f" with {1.0 / alpha:.2g} times the resistance of the tuned anomalous bed. Give height_cm"
+        " in [body] to scale it.",
     )
 
 

@@ -49,6 +49,6 @@ def wall_without_columns(case: Case, mesh: Mesh) -> Iterator[str]:
     """A sentence where a wall is to bend and the mesh has no wedges for it."""
     if case.wall.element == "bending" and not len(mesh.wedges):
         yield (
-            "the mesh has no columns of wedges: its wall is of quadratic tetrahedra, and steps"
-            ' take about five times those with [wall] element = "linear", whose wall hardly bends'
+            "the mesh has no columns of wedges: its wall is of quadratic tetrahedra, and steps take"
+            ' four to five times those with [wall] element = "linear", whose wall hardly bends'
         )

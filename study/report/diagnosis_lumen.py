@@ -115,10 +115,10 @@ def _sentences(found: LumenReach, change: LeastLumenChange | None) -> list[str]:
     reach = found.reach
     if reach.boundary:
         return [
-            f"Boundary parameters alone reach the record ({_chance(reach.p_value)}, R0"
+            f"Boundary parameters alone fit the record ({_chance(reach.p_value)}, R0"
             f" {abs(reach.pull):.1f} sd from that of the study): no other lumen is needed."
         ]
-    told = [f"Boundary parameters alone do not reach the record: {_why(reach)}."]
+    told = [f"Boundary parameters alone do not fit the record: {_why(reach)}."]
     if change is None:
         told.append(
             "Nor does another lumen: with R0 free the misfit is still more than noise"
@@ -130,7 +130,7 @@ def _sentences(found: LumenReach, change: LeastLumenChange | None) -> list[str]:
     if name:
         words = name.replace("_", " ").replace("+", " with ")
         told.append(
-            f"The diagnosis holds another cause for more probable: {words}, probability {p:.2f}."
+            f"The diagnosis finds another cause more probable: {words}, probability {p:.2f}."
         )
     return told
 
@@ -151,12 +151,12 @@ def _why(reach: Reach) -> str:
 def _explaining(change: LeastLumenChange) -> str:
     """What the change is, and what the scan says of it."""
     kind = "narrowing" if change.largest_mm < 0.0 else "widening"
-    scan = {"the case": "as the case has it"}.get(change.scan, f"by {change.scan}")
+    scan = {"the case": "as given in the case"}.get(change.scan, f"by {change.scan}")
     size = (
         f"A {kind} of the half-axes by up to {abs(change.largest_mm):.2f} mm, most of it"
         f" {change.from_mm:.1f} to {change.to_mm:.1f} mm from the ostium, would explain it. The"
-        f" scan knows them to {change.scan_sd_mm:.2g} mm (sd, {scan}); all in all the change takes"
-        f" {change.n_sd:.1f} of its standard deviations: "
+        f" half-axes are known to {change.scan_sd_mm:.2g} mm (sd, {scan}); the change as a whole is"
+        f" {change.n_sd:.1f} standard deviations from the scan: "
     )
     if change.n_sd <= CANNOT_EXCLUDE:
         return f"{size}the image cannot exclude it."

@@ -45,7 +45,7 @@ def sentence(diagnosis: Diagnosis, chance: float) -> str:
     if judgement.unlike_beats:
         ways = "; ".join(WORDS[way] for way in judgement.unlike_beats)
         return (
-            f"The beats of the record are not alike: {ways}. One mean beat does not stand for them,"
+            f"The beats of the record are not alike: {ways}. One mean beat does not represent them,"
             " so no cause is named."
         )
     if judgement.verdict == "no_gap":
@@ -87,10 +87,10 @@ def _partly(diagnosis: Diagnosis, chance: float) -> str:
     """The verdict where something acts that is not in the catalogue."""
     near = ", ".join(_plain(name) for name in diagnosis.judgement.named)
     if not diagnosis.judgement.confirmed:
-        fits = "fits it" if diagnosis.judgement.closed else "fits a part of it"
+        fits = "fits the data" if diagnosis.judgement.closed else "fits part of the data"
         return (
             f"{_found(diagnosis, chance)}. {near.capitalize()} {fits}, but predicts the conditions"
-            " that were left out worse than no gap does, so the cause is another one."
+            " that were left out worse than the model without it, so the cause is a different one."
         )
     if diagnosis.known_part:
         known = (find_effect(diagnosis.effects, name).sentence for name in diagnosis.known_part)
@@ -98,7 +98,7 @@ def _partly(diagnosis: Diagnosis, chance: float) -> str:
         return f"The gap is explained in part: {parts}. What is left is not in the catalogue."
     return (
         f"{_found(diagnosis, chance)}, and no effect of the catalogue explains it. "
-        f"The nearest is {near}, which leaves a part."
+        f"The nearest is {near}, which leaves part of it unexplained."
     )
 
 
@@ -117,9 +117,9 @@ def bed_remark(diagnosis: Diagnosis) -> list[str]:
     if not diagnosis.record.n_sensors or diagnosis.other_bed < 0.5:
         return []
     return [
-        "Keep in mind: by its waveforms the bed of the muscle is not the single layer of the model "
-        f"(probability {diagnosis.other_bed:.2f}). Effects were judged beside that freedom; one "
-        "that changes the distal trace less than such a bed does can hide behind it."
+        "Keep in mind: the waveforms suggest that the coronary bed is not the single layer of the "
+        f"model (probability {diagnosis.other_bed:.2f}). The diagnosis allows for this; an effect "
+        "that changes the distal trace less than such a bed does can go unnoticed."
     ]
 
 
@@ -219,7 +219,7 @@ def _additions(diagnosis: Diagnosis) -> list[str]:
         sd = float(fitted.size_sd[h.index(name)])
         verb = "Correct the record for" if effect.place == "sensor" else "Add to the model:"
         stated = size_of(effect, size, sd)
-        steps.append(f"{verb} {_plain(name)}, {stated}. To be sure: {effect.settled_by}.")
+        steps.append(f"{verb} {_plain(name)}, {stated}. To confirm: {effect.settled_by}.")
     return steps
 
 

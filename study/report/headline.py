@@ -23,8 +23,8 @@ SURE = 0.025
 """Chance on the other side of the threshold up to which a side is stated."""
 
 NOT_INCLUDED = (
-    "± is one standard deviation, and the chance that of a normal distribution with it: from the "
-    "error of the measured resting ratio alone, without that of the model and of the stress rule."
+    "± is one standard deviation, from the error of the measured resting ratio alone; the chance "
+    "assumes a normal distribution. Errors of the model and of the stress rule are not included."
 )
 
 
@@ -132,14 +132,17 @@ def _predicted(group: Sequence[Reading]) -> str:
 
 def _threshold(readings: Sequence[Reading]) -> str:
     chances = [reading.chance for reading in readings]
-    every = "Every reading of the model" if len(readings) > 1 else "It"
+    every = "By every reading of the model FFR" if len(readings) > 1 else "FFR"
     if max(chances) <= SURE:
         return f"{every} lies above {FFR_THRESHOLD:.2f}."
     if min(chances) >= 1.0 - SURE:
         return f"{every} lies at or below {FFR_THRESHOLD:.2f}."
     least, largest = percent(min(chances)), percent(max(chances))
-    spread = f"{largest}" if least == largest else f"{least} to {largest}, as the model is read"
-    return f"Whether FFR lies above {FFR_THRESHOLD:.2f} is open: chance of no more, {spread}."
+    spread = largest if least == largest else f"{least} to {largest}, depending on the reading"
+    return (
+        f"Whether FFR lies above {FFR_THRESHOLD:.2f} is open: the chance of {FFR_THRESHOLD:.2f} or"
+        f" below is {spread}."
+    )
 
 
 def headline_numbers(readings: Sequence[Reading]) -> Headline:

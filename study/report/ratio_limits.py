@@ -138,7 +138,8 @@ def _predictions(document: Document) -> Iterator[tuple[Mapping[str, Any], Interv
         if condition in intervals:
             entry = intervals[condition]
             low, high = entry["interval_90"]
-            yield {**reading, "ffr": entry["median"]}, [low, high], "with all that is uncertain"
+            held = "with all uncertainties included"
+            yield {**reading, "ffr": entry["median"]}, [low, high], held
         elif reading["ffr_sd"] > 0.0:
             half = _Z90 * reading["ffr_sd"]
             held = "from the error of the resting ratio alone"

@@ -67,8 +67,8 @@ def stress_readings(result: CaseResult) -> list[Reading]:
 
 
 R0_CANCELS = (
-    "Under the linear law the resting ratio fixes alpha/R0, and FFR depends on nothing else of the "
-    "two: it does not depend on R0."
+    "Under the linear law the resting ratio fixes alpha/R0, and FFR depends on the two only "
+    "through this quotient: it does not depend on R0."
 )
 
 
@@ -144,9 +144,8 @@ def notes(result: CaseResult) -> list[Note]:
     elif case.surrogate.R0 is not None:
         drawn = result.patient.models.get(QUADRATIC)
         if drawn is not None:
-            found.append(
-                Note("info", f"The R0 of the case wins over the contours: {drawn.origin}.")
-            )
+            text = "R0 of the linear law is taken from the case, not the contours; quadratic law:"
+            found.append(Note("info", f"{text} {drawn.origin}."))
     return sorted(found, key=lambda note: note.level != "warning")
 
 
@@ -159,8 +158,8 @@ def interval_notes(intervals: Intervals | None) -> Iterator[tuple[str, str]]:
     if pooled:
         yield (
             "info",
-            f"The response to stress ({_listed(pooled)}) is that of drugs or ages together: give"
-            " drug below the condition and age_years below [body] where they are known.",
+            f"The response to stress ({_listed(pooled)}) is pooled over drugs or ages: give drug"
+            " in [condition.NAME] and age_years in [body], where known, to narrow it.",
         )
 
 
@@ -182,8 +181,8 @@ def _flow_notes(result: CaseResult) -> Iterator[Note]:
         )
         yield Note(
             "warning",
-            f"With the {law} law the measured ratio asks for a resting flow of {flow:.0f} mL/min; "
-            f"a coronary artery carries some {low:.0f} to {high:.0f}. Probably {cause}.",
+            f"With the {law} law the measured ratio implies a resting flow of {flow:.0f} mL/min; "
+            f"a coronary artery carries about {low:.0f} to {high:.0f}. Probably {cause}.",
         )
 
 

@@ -149,10 +149,12 @@ def _notes(
         text = f"{outcome.collapse.sentence} The run ends there; what was before is kept."
         notes.append(("warning", text))
     if outcome.interrupted:
-        notes.append(("warning", "the run was interrupted; the same command goes on with it"))
+        notes.append(
+            ("warning", "the run was interrupted; run the same command again to resume it")
+        )
     if not any(cycle.complete for cycle in cycles):
         notes.append(
-            ("warning", "no cycle is complete: means and ratio are of a part of the first")
+            ("warning", "no cycle is complete: means and ratio cover only part of the first")
         )
     if setup.schedule.n_steps < setup.schedule.per_frame:
         text = (
@@ -166,7 +168,10 @@ def _notes(
         notes.append(("info", text))
     if not setup.model.is_rigid:
         P = case.conditions.get("rest", case.conditions[condition]).P_diastolic / MMHG
-        text = f"the wall carries the diastolic pressure, {P:.0f} mmHg, in the shape of the image"
+        text = (
+            f"the imaged shape carries the diastolic pressure, {P:.0f} mmHg, as prestress of the"
+            " wall"
+        )
         if case.wall.prestress == "none":
             text = (
                 f"the wall is taken to be free of stress at the diastolic pressure, {P:.0f} mmHg,"
@@ -179,7 +184,7 @@ def _notes(
     if is_segment(setup.mesh.openings):
         text = (
             "a vessel without the aorta: the aortic pressure of the condition acts at its inlet,"
-            " and the coronary bed of the case, times alpha, lies behind each outlet"
+            " and the coronary bed of the case, times alpha, is attached to each outlet"
         )
         notes.append(("info", text))
     notes += body_notes(case)

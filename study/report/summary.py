@@ -115,8 +115,9 @@ def _run(document: Document) -> Iterator[str]:
         yield ""
         yield "predicted less measured:"
     for run in gaps:
+        outlet = "nominal" if run["boundary"] == "fixed" else run["boundary"]
         yield (
-            f"  {run['condition']}, {run['law']}, {run['rule']}, {run['boundary']}: "
+            f"  {run['condition']}, {run['law']} law, rule {run['rule']}, {outlet} outlet: "
             f"{signed(run['gap']['difference'], 3)} ({signed(run['gap']['z'], 1)} sd)"
         )
     for note in document["notes"]:

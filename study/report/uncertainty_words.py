@@ -16,7 +16,7 @@ def uncertainty_words(document: Mapping[str, Any]) -> str:
     entries = document.get("uncertainty", [])
     if not entries:
         return ""
-    return f"With all that is uncertain: {'; '.join(interval_words(e) for e in entries)}."
+    return f"With all uncertainties included: {'; '.join(interval_words(e) for e in entries)}."
 
 
 def rules_words(document: Mapping[str, Any]) -> str:
@@ -30,8 +30,8 @@ def rules_words(document: Mapping[str, Any]) -> str:
     low, high = entry["bed_factor_90"]
     bed = f"{entry['bed_factor']:.2f} [{low:.2f}, {high:.2f}] by {source_words(entry)}"
     return (
-        f"Under {entry['condition']} the bed keeps {rules} of its resting resistance, and {bed}."
-        " With the rules and no error but that of the resting ratio:"
+        f"Resistance of the bed under {entry['condition']} over that at rest: {rules}; {bed}."
+        " By the rules, with the error of the resting ratio alone:"
     )
 
 

@@ -27,11 +27,11 @@ explained that a lumen which does not move misses by no more."""
 
 LEFT = (
     "Aortic pressure loads the lumens on both sides of the septum, so that moduli alone change"
-    " little. Left are causes that this model does not have: stretch of the vessel along its"
-    " length, torsion with the heart, frames that are not registered, tone of the vessel, and the"
-    " catheter in the lumen. The diagnosis calls such a rest stress_narrowing where it sets stress"
-    " apart from rest, and dynamic_narrowing where it follows the beat; jaxfsi diagnose weighs both"
-    " against other effects on the measured ratios."
+    " little. The remaining causes are not in this model: stretch of the vessel along its length,"
+    " torsion with the heart, frames that are not registered, vessel tone, and the catheter in the"
+    " lumen. jaxfsi diagnose calls the remainder stress_narrowing where it differs between stress"
+    " and rest, and dynamic_narrowing where it follows the beat, and weighs both against other"
+    " effects on the measured ratios."
 )
 
 STILL = "rigid"

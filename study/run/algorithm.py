@@ -219,11 +219,11 @@ def _calibrated(
         return _ratio(runs[-1])
 
     loop = calibrate_in_loop(
-        run,
-        list(starts.values()),
-        target,
         patient.models[QUADRATIC].surrogate,
         patient.conditions["rest"],
+        target,
+        run,
+        list(starts.values()),
         tolerance=RATIO_TOLERANCE,
         max_extra=MOST_EXTRA_RUNS,
     )

@@ -82,9 +82,9 @@ def _faults_of(check: Callable[[], object]) -> list[Fault]:
 
 def _case_parts(case: Case, openings: list[str]) -> dict[str, str]:
     """What a case describes, in words."""
-    anatomy = "none: R0 of [surrogate] stands for it"
+    anatomy = "none; R0 of [surrogate] represents the artery"
     if case.surrogate.R0 is None:
-        anatomy = "none, and no R0 of [surrogate]: run alone needs neither, under the linear law"
+        anatomy = "none, and no R0 in [surrogate]: only run, under the linear law, needs neither"
     if case.anatomy is not None:
         anatomy = f"{case.anatomy.kind}, {_listed(states_of(case))}"
     conditions = [_condition_words(entry) for entry in case.conditions.values()]

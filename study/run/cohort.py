@@ -119,7 +119,7 @@ def _kept_said(results: Mapping[str, MemberResult], cases: int) -> Iterator[None
         yield
     except KeyboardInterrupt as stop:
         kept = f"{len(results)} of {cases} cases are finished and kept"
-        why = f"interrupted; {kept}. The same command goes on from there"
+        why = f"interrupted; {kept}. Run the same command again to resume"
         raise KeyboardInterrupt(str(stop) or why) from None
 
 

@@ -23,8 +23,8 @@ from study.run.finished_study import studied_case
 from study.run.what_if import aortic_area, lumen_of
 
 NO_STUDY = (
-    "The lumen along the artery is known from a finished study: with its folder as --case this page"
-    " says whether another lumen would explain the record."
+    "This needs the lumen along the artery from a finished study: give the folder of the study as"
+    " --case."
 )
 
 

@@ -84,7 +84,7 @@ def _state_faults(case: Case, anatomy: IvusAnatomy) -> list[Fault]:
     states = anatomy.states
     if len(states) < 2:
         cure = "add tables [anatomy.states.CONDITION_systole] with the contours of other states"
-        problem = "one measured state tells nothing of the wall; its motion is that between two"
+        problem = "one measured state tells nothing about the wall; its motion shows between two"
         faults.append(Fault(case.path, "anatomy.states", None, problem, "2 or more", cure))
     seen: dict[bytes, str] = {}
     for name, state in states.items():

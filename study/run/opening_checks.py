@@ -55,9 +55,8 @@ def check_openings(case: Case, mesh: Mesh, *, rigid: bool, segment: bool = False
     """
     _check(case, mesh.openings, segment=segment)
     if not rigid and not np.any(mesh.region == Region.SOLID):
-        held = ", ".join(mesh.openings)
-        problem = "the mesh has no wall, so that simulate runs it with --rigid alone"
-        raise CaseError([Fault(case.path, "anatomy", None, problem, held, "use --rigid")])
+        problem = "the mesh has no wall, so simulate can run it only with --rigid"
+        raise CaseError([Fault(case.path, "anatomy", None, problem, "", "use --rigid")])
 
 
 def _given(case: Case) -> tuple[str, ...]:
@@ -92,4 +91,5 @@ def _check(case: Case, names: tuple[str, ...], *, segment: bool) -> None:
     elif len(names) < 3:
         problem, cure = "there is no coronary outlet", "use an anatomy with a coronary artery"
     if problem:
-        raise CaseError([Fault(case.path, place, None, problem, ", ".join(names), cure)])
+        problem += f"; the openings are {', '.join(names)}"
+        raise CaseError([Fault(case.path, place, None, problem, "", cure)])

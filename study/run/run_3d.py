@@ -107,7 +107,7 @@ def finished_run(context: RunContext, folder: str, key: str, setup: Setup) -> Ou
     if outcome.interrupted:
         raise KeyboardInterrupt(
             f"interrupted in the run {folder}; what was computed is in {context.folder}. "
-            "Give the same command again to go on."
+            "Run the same command again to resume."
         )
     if outcome.collapse is not None:
         raise LumenCollapsed(f"{outcome.collapse.sentence} What was computed before is in {place}.")

@@ -81,7 +81,7 @@ def _without_outlines(states: Mapping[str, Document]) -> dict[str, Document]:
     }
 
 
-def load_document(path: pathlib.Path) -> Document:
+def load_document(path: str | os.PathLike[str]) -> Document:
     """Read a document that was written before.
 
     Args:
@@ -90,7 +90,7 @@ def load_document(path: pathlib.Path) -> Document:
     Raises:
         CaseError: the file cannot be read, or is no document of this or an older layout.
     """
-    file = _file_of(path)
+    file = _file_of(pathlib.Path(path))
 
     def refusal(problem: str) -> CaseError:
         return CaseError([Fault(file, "", None, problem, "", _CURE)])

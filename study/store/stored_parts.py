@@ -132,7 +132,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(table) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in table if names.count(name) > 1)
-        raise Damage(f"the key {twice[:60]!r} stands twice in one table")
+        raise Damage(f"the key {twice[:60]!r} appears twice in one table")
     return table
 
 

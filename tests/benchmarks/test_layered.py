@@ -118,7 +118,8 @@ def test_half_the_step_and_more_beats_change_nothing(form):
         assert np.abs(a.P_distal - np.interp(a.t, b.t, b.P_distal)).max() < 0.1
     p = stacked_parameters(members, form, bed)
     period = np.array([c.period for c in patient.conditions])
-    circuit = LayeredCircuit(p, period, steady(85.0, 0.0, members), getattr(form, "law", None))
+    parts = (getattr(form, name, None) for name in ("law", "tone"))
+    circuit = LayeredCircuit(p, period, steady(85.0, 0.0, members), *parts)
     state, first = circuit.settle(200)
     for _ in range(10):
         last = circuit.beat(state, -1, 200)

@@ -29,20 +29,20 @@ def test_calibration_in_the_loop_refuses_what_no_factor_reaches():
     trials = [Trial(0.1, 0.9), Trial(0.2, 0.95)]
     for target in (1.0, 1.2, 0.0, -0.5, NAN):
         with pytest.raises(ValueError, match="between 0 and 1"):
-            next_alpha(trials, target, PATIENT, REST)
+            next_alpha(PATIENT, REST, target, trials)
         with pytest.raises(ValueError, match="between 0 and 1"):
-            calibrate_in_loop(lambda alpha: 0.9, [0.1], target, PATIENT, REST)
+            calibrate_in_loop(PATIENT, REST, target, lambda alpha: 0.9, [0.1])
     for alpha in (0.0, -1.0, NAN, INF):
         with pytest.raises(ValueError, match="positive"):
             surrogate_ratio(PATIENT, REST, alpha)
         with pytest.raises(ValueError, match="positive"):
-            calibrate_in_loop(lambda alpha: 0.9, [alpha], 0.9, PATIENT, REST)
+            calibrate_in_loop(PATIENT, REST, 0.9, lambda alpha: 0.9, [alpha])
 
 
 def test_run_without_a_ratio_is_never_the_best():
     ratios = iter([NAN, 0.7])
     found = calibrate_in_loop(
-        lambda alpha: next(ratios), [0.1, 0.2], 0.9, PATIENT, REST, max_extra=1
+        PATIENT, REST, 0.9, lambda alpha: next(ratios), [0.1, 0.2], max_extra=1
     )
     assert found.ratio == 0.7
     assert not found.reached

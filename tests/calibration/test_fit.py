@@ -368,7 +368,7 @@ def test_batch_names_the_cases_that_failed():
         fit_batch(start, ["a"], Decay(jnp.array([1.2, jnp.nan])))
     with pytest.raises(ValueError, match="Leading axes"):
         fit_batch({"a": jnp.ones(3)}, ["a"], Decay(jnp.array([1.2, 1.1])))
-    for options, words in (({"starts": 0}, "0 starts"), ({"chunk": 0}, "chunk = 0")):
+    for options, words in (({"starts": 0}, "0 starts"), ({"batch_size": 0}, "batch_size = 0")):
         with pytest.raises(ValueError, match=words):
             fit_batch(start, ["a"], Decay(jnp.array([1.2, 1.1])), **options)
     own = fit_batch({"a": jnp.array([1.0, 0.5])}, ["a"], Decay(jnp.array([1.2, 0.7])))

@@ -23,7 +23,7 @@ def _three_dimensional(alpha):
 
 def test_loop_meets_the_target_within_two_extra_runs():
     start = 0.119  # of the surrogate itself
-    fit = calibrate_in_loop(_three_dimensional, [start], 0.91, SURROGATE, REST)
+    fit = calibrate_in_loop(SURROGATE, REST, 0.91, _three_dimensional, [start])
     assert abs(_three_dimensional(start) - 0.91) > 0.01  # there is something to mend
     assert fit.reached
     assert fit.extra_runs <= 2
@@ -35,19 +35,19 @@ def test_loop_is_exact_where_the_surrogate_errs_by_a_factor():
     """The linear surrogate with three times the resistance: one correction is the answer."""
     linear = Surrogate(R0=5000.0)
     run = lambda alpha: surrogate_ratio(Surrogate(R0=15000.0), REST, alpha)  # noqa: E731
-    alpha = next_alpha([Trial(0.1, run(0.1))], 0.9, linear, REST)
+    alpha = next_alpha(linear, REST, 0.9, [Trial(0.1, run(0.1))])
     assert run(alpha) == pytest.approx(0.9, abs=1e-9)
 
 
 def test_loop_that_cannot_reach_says_so():
-    fit = calibrate_in_loop(lambda alpha: 0.8, [0.1], 0.9, SURROGATE, REST)
+    fit = calibrate_in_loop(SURROGATE, REST, 0.9, lambda alpha: 0.8, [0.1])
     assert not fit.reached
     assert fit.extra_runs == 2
     with pytest.raises(ValueError, match="between 0 and 1"):
-        next_alpha([Trial(0.1, 1.2)], 0.9, SURROGATE, REST)
+        next_alpha(SURROGATE, REST, 0.9, [Trial(0.1, 1.2)])
     good = Trial(0.1, 0.85)
-    assert next_alpha([Trial(2.0, 1.01), good], 0.9, SURROGATE, REST) == next_alpha(
-        [good], 0.9, SURROGATE, REST
+    assert next_alpha(SURROGATE, REST, 0.9, [Trial(2.0, 1.01), good]) == next_alpha(
+        SURROGATE, REST, 0.9, [good]
     )
     with pytest.raises(ValueError, match="at least one"):
-        calibrate_in_loop(lambda alpha: 0.8, [], 0.9, SURROGATE, REST)
+        calibrate_in_loop(SURROGATE, REST, 0.9, lambda alpha: 0.8, [])

@@ -2,6 +2,7 @@
 
 import json
 import pathlib
+import re
 
 import numpy as np
 import pytest
@@ -189,7 +190,7 @@ def test_faulty_markups_are_refused(tmp_path):
         read_markups(path)
     for text in ("", "{", "[]", '{"markups": [3]}', '{"markups": 3}'):
         path.write_text(text)
-        with pytest.raises(MeshFileError):
+        with pytest.raises(MeshFileError, match=re.escape(path.name)):
             read_markups(path)
     markups(path, "LPS", **{"my end": MIDDLE})
     with pytest.raises(ValueError, match="cannot name an end"):

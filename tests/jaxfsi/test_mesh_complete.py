@@ -155,7 +155,7 @@ def test_near_misses_are_refused_unless_the_tolerance_covers_them(folders):
     moved_nodes(folders[1], 1e-4)
     with pytest.raises(ValueError, match=r"1 nodes of the solid nearly coincide.*0.0001 cm apart"):
         read_mesh_complete(*folders, unit="cm")
-    assert check_topology(read_mesh_complete(*folders, unit="cm", tolerance_cm=2e-4)).faults == ()
+    assert check_topology(read_mesh_complete(*folders, unit="cm", tolerance=2e-4)).faults == ()
 
 
 def test_regions_that_part_company_are_refused(folders):

@@ -372,7 +372,7 @@ def test_files_that_are_not_json_are_refused(tmp_path, text):
 
 
 def round_trip(case, path):
-    lumped.write_svzerod(case, path)
+    lumped.write_svzerod(path, case)
     return lumped.read_svzerod(path)
 
 

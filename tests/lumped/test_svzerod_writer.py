@@ -16,7 +16,7 @@ def sampled(times, values, period, **options):
 
 
 def round_trip(case, path):
-    lumped.write_svzerod(case, path)
+    lumped.write_svzerod(path, case)
     return lumped.read_svzerod(path)
 
 
@@ -54,7 +54,7 @@ def surrogate(**changes):
 def test_surrogate_is_written_with_scaled_resistances_and_pressure(tmp_path):
     network = surrogate(K=20.0)
     path = tmp_path / "patient.json"
-    lumped.write_svzerod(network, path, period=0.8, samples=100)
+    lumped.write_svzerod(path, network, period=0.8, samples=100)
     config = json.loads(path.read_text())
     inlet, bed = config["boundary_conditions"]
     (ostium,) = config["vessels"]
@@ -141,16 +141,16 @@ def test_what_a_file_cannot_hold_is_refused(tmp_path, element, fault):
         }
     )
     with pytest.raises(ValueError, match=f"(?s){fault}.*Use the elements that both have"):
-        lumped.write_svzerod(network, tmp_path / "out.json", period=1.0)
+        lumped.write_svzerod(tmp_path / "out.json", network, period=1.0)
     assert not list(tmp_path.iterdir())
 
 
 def test_period_belongs_to_a_network_only(tmp_path):
     with pytest.raises(ValueError, match="Give `period`"):
-        lumped.write_svzerod(surrogate(), tmp_path / "out.json")
+        lumped.write_svzerod(tmp_path / "out.json", surrogate())
     case = lumped.SvZeroDCase(surrogate(), 0.8)
     with pytest.raises(ValueError, match="Leave `period` out"):
-        lumped.write_svzerod(case, tmp_path / "out.json", period=0.8)
+        lumped.write_svzerod(tmp_path / "out.json", case, period=0.8)
 
 
 @pytest.mark.parametrize("change", [{"period": 0.0}, {"cycles": 0}, {"points_per_cycle": 1}])

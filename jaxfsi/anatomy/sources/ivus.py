@@ -54,8 +54,8 @@ def ivus_anatomy(
         frame_table: order of the frames and measured tissue, see `read_pullback`.
         reference: point on the aortic side, see `read_pullback`.
         state: name of the measured state, kept with the anatomy.
-        aorta_radius: radius of a straight aorta [cm]; plays no part beside a centre line of the
-            aorta.
+        aorta_radius: radius of a straight aorta [cm], by default that of an adult; plays no part
+            beside a centre line of the aorta. A case file has to state one of the two.
         aorta_centerline: CT centre line of the aorta with radii, see `read_sized_line`.
         normal_centerline: CT centre line of the normal coronary with radii, likewise; needs that of
             the aorta. None: there is no such artery.

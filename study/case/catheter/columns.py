@@ -126,13 +126,18 @@ def choose_columns(table: ConsoleTable, given: ExportFormat) -> ChosenColumns:
 
 
 def _refuse_missing(table: ConsoleTable, missing: Sequence[str], index: Mapping[str, int]) -> None:
-    said = "the columns have no names" if not any(table.header) else "no column is recognised"
+    roles = " or ".join(missing)
+    problem = (
+        f"no column is recognised as {roles}"
+        if any(table.header)
+        else f"the columns have no names, so that none is known to be {roles}"
+    )
     names = ", ".join(f"{k}: {name or '?'}" for k, name in enumerate(table.header))
     example = ",".join(f"{role}={at}" for role, at in _likely(table, index).items())
-    cure = f"say which they are, such as --columns {example}; here are {names}"
+    cure = f"say which they are, such as --columns {example}; the columns are {names}"
     if missing == ["time"]:
         cure += "; or give the sampling rate: --rate 100"
-    raise refusal(table.path, f"{said} as {' and '.join(missing)}", cure)
+    raise refusal(table.path, problem, cure)
 
 
 def _likely(table: ConsoleTable, index: Mapping[str, int]) -> dict[str, int]:

@@ -293,7 +293,7 @@ BAD_EDITS = {
     "aorta beside nothing": (
         'centerline = "centerline.csv"\nseptum_mm = 0.8\naorta_radius_mm = 14.0',
         'aorta_centerline = "centerline.csv"\nseptum_mm = 0.8',
-        "anatomy.aorta_centerline", "centerline, beside which it has a meaning, is missing",
+        "anatomy.aorta_centerline", "it needs centerline, which is missing",
     ),
     "normal coronary without its aorta": (
         "septum_mm = 0.8", 'septum_mm = 0.8\nnormal_centerline = "centerline.csv"',

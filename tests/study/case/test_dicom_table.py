@@ -79,7 +79,7 @@ def test_columns_are_mapped_by_number_and_by_name(tmp_path, samples):
         trace = read(tmp_path, Group(waves), given=ExportFormat(columns))
         np.testing.assert_allclose(trace.waves["P_aorta"], decoded(waves[1]), atol=1e-9)
     assert "Channels not read: II." in trace.remarks
-    with pytest.raises(CaseError, match="here are 0: time, 1: P1, 2: art 2"):
+    with pytest.raises(CaseError, match="the columns are 0: time, 1: P1, 2: art 2"):
         read(tmp_path, Group(waves))
 
 

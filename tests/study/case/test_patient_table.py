@@ -79,7 +79,7 @@ def test_unknown_column_is_named_with_the_nearest(tmp_path):
         (HEADER, [ROW, ROW], "row 1 has the same"),
         (HEADER, [], "0 patients"),
         (HEADER.replace("patient.id", "patient.notes"), [ROW], "column patient.id: missing"),
-        (f"{HEADER},patient.id", [f"{ROW},x"], "stands twice"),
+        (f"{HEADER},patient.id", [f"{ROW},x"], "appears twice"),
         (HEADER, [f"{ROW},1,2"], "row 1 has 13 cells, and there are 11 columns"),
     ],
 )

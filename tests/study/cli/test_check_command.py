@@ -54,7 +54,7 @@ def test_what_can_be_run_is_said_and_what_others_lack(case_file, command):
     assert outcome.status == 0, outcome.stdout
     assert f"{case_file}: a case without faults" in outcome.stdout
     assert "can be run:   run, calibrate, sweep\n" in outcome.stdout
-    assert "not study: anatomy: there is nothing to mesh" in outcome.stdout
+    assert "cannot study: anatomy: there is nothing to mesh" in outcome.stdout
     assert command("check", case_file, "--quiet").stdout == ""
 
 
@@ -73,7 +73,7 @@ def test_finished_mesh_is_held_against_simulate_and_study(tmp_path, command, tub
     file.write_text(text[: text.index("[condition.rest]")])
     outcome = command("check", file)
     assert "can be run:   mesh\n" in outcome.stdout
-    assert "not simulate: condition: there is no condition 'rest' to run" in outcome.stdout
+    assert "cannot simulate: condition: there is no condition 'rest' to run" in outcome.stdout
     assert "add [condition.rest]" in command("simulate", file, "--dry-run").stderr
 
 

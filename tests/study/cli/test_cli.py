@@ -314,7 +314,7 @@ def test_template_is_printed_and_can_be_written_once(command, tmp_path):
 def test_run_gives_each_ffr_an_interval_where_asked(case_file, command, tmp_path):
     outcome = command("run", case_file, "--uncertainty", folder=tmp_path / "out")
     assert outcome.status == 0, outcome.stderr
-    assert "With all that is uncertain: FFR" in outcome.stdout
+    assert "With all uncertainties included: FFR" in outcome.stdout
     (entry,) = outcome.written()["uncertainty"]
     low, high = entry["interval_90"]
     assert low < entry["median"] < high

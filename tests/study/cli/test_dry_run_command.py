@@ -34,7 +34,7 @@ def test_run_is_planned_and_nothing_is_written(case_file, command):
     assert outcome.status == 0, outcome.stderr
     said = outcome.stdout
     assert "nothing is computed" in said
-    assert f"results go to {case_file.parent / 'case-results'}, which is not there yet" in said
+    assert f"results go to {case_file.parent / 'case-results'}, which will be created" in said
     for part in ("calibration at rest, linear law", "0D: exercise", "intervals of FFR"):
         assert f"to compute  {part}" in said
     assert [path.name for path in case_file.parent.iterdir()] == ["case.toml"]

@@ -70,18 +70,18 @@ def test_long_lines_are_searched_for_such_keys_in_no_time(tmp_path):
 
 SYNTAX = {
     'id "a"': "line 3, column 4: no = after the key",
-    "[patient]": "line 3, column 9: the table stands twice",
-    'id = "b"': "the key stands twice",
+    "[patient]": "line 3, column 9: the table appears twice",
+    'id = "b"': "the key appears twice",
     "a = [1": "at its end: a list without its closing bracket",
-    "a = {b = 1, b = 2}": "a key stands twice between braces",
+    "a = {b = 1, b = 2}": "a key appears twice between braces",
     'a = "b': "a text without its closing quote",
     "a = 'b": "a text without its closing quote",
     'a = "C:\\users"': "a backslash in a text",
     "a = 2020-02-31": "no such date",
     "a = yes": "neither a number, a text in quotes, true nor false",
-    "a = 1 2": "something stands behind the value",
+    "a = 1 2": "there is something after the value",
     "[a": "no closing bracket after the name of a table",
-    "%": "no key begins so",
+    "%": "a key cannot begin like this",
     "a = \"\x01\"": "a control character",
 }  # fmt: skip
 

@@ -62,8 +62,8 @@ def test_a_reading_near_the_threshold_makes_no_claim():
     assert "0.835 ± 0.024 (7 %) with rule all" in text
     assert "chance of 0.80 or below: below 0.1 %" in text
     assert "lies above" in text
-    assert "is open: chance of no more, below 0.1 % to 7 %" in text
-    assert "Every reading" not in text
+    assert "is open: the chance of 0.80 or below is below 0.1 % to 7 %, depending on" in text
+    assert "By every reading" not in text
 
 
 @pytest.mark.parametrize(

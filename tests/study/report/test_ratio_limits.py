@@ -60,7 +60,7 @@ def test_interval_of_all_that_is_uncertain_is_preferred():
     entry = {"condition": "dobutamine", "median": 0.80, "interval_90": [0.70, 0.88]}
     (said,) = measured_words({**RUN, "uncertainty": [entry]})
     assert "predicted 0.800" in said
-    assert "inside the 90 % interval 0.700 to 0.880 (with all that is uncertain)" in said
+    assert "inside the 90 % interval 0.700 to 0.880 (with all uncertainties included)" in said
 
 
 def test_nothing_is_said_where_nothing_was_measured():

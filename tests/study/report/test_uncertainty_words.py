@@ -78,7 +78,7 @@ def test_draws_and_what_corrects_them():
 )
 def test_rules_are_set_beside_the_evidence(source, said):
     words = rules_words({"uncertainty": [ENTRY | {"bed_factor_source": source}]})
-    assert "Under dobutamine the bed keeps 0.91 by the rule printed, 0.50 by the rule all" in words
+    assert "dobutamine over that at rest: 0.91 by the rule printed, 0.50 by the rule all; " in words
     assert f"0.44 [0.25, 0.78] by {said}" in words
 
 

@@ -105,8 +105,8 @@ def test_the_change_is_told_and_drawn(known, monkeypatch):
     assert f"lumen: {part.sentence}" in summary(document)
     assert as_json(typed(document)) == document
     plain = with_lumen(typed(example), found_reach(None, NO_STUDY))
-    assert f"Not looked at. {NO_STUDY}" in diagnosis_report(as_json(plain))
-    assert "Would another lumen" not in diagnosis_report(example)
+    assert f"Not examined. {NO_STUDY}" in diagnosis_report(as_json(plain))
+    assert "Would a different lumen" not in diagnosis_report(example)
 
 
 def test_other_outcomes_are_told(known, monkeypatch):
@@ -119,6 +119,6 @@ def test_other_outcomes_are_told(known, monkeypatch):
     assert "Nor does another lumen" in not_free.sentence
     wide = told(known, monkeypatch, log_factor=-1.0, best=("inertance",))
     assert "widening" in wide.sentence
-    assert "another cause for more probable: inertance, probability 0.90" in wide.sentence
+    assert "another cause more probable: inertance, probability 0.90" in wide.sentence
     far = told(known._replace(sd=0.003), monkeypatch, log_factor=1.0)
     assert "excludes it, so look for another cause" in far.sentence

@@ -131,7 +131,7 @@ def test_aortic_pressure_rises_from_nothing_to_that_of_the_condition(given):
 
 def test_case_that_says_too_little_has_no_input(given):
     case, mesh, _ = given
-    with pytest.raises(CaseError):
+    with pytest.raises(CaseError, match="no condition 'unknown'"):
         solver_input(case, "unknown", mesh, "cm")
     files, reason = input_or_reason(case, "unknown", mesh, "cm")
     assert files == {}

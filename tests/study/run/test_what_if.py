@@ -158,7 +158,7 @@ def page(case_file, command, tmp_path_factory):
 def test_page_has_both_sides_and_says_that_alpha_is_kept(page):
     text = (page.folder / "what-if.html").read_text()
     assert text.count("<svg") == 2
-    assert "The bed is that of before" in text
+    assert "The coronary bed is that before the operation" in text
     heads = re.findall(r"<thead><tr>(.*?)</tr></thead>", text)
     # on a narrow screen the columns beyond these are reached by a swipe
     assert heads[0].startswith("<th>quantity</th><th>before</th><th>after</th>")

@@ -152,7 +152,7 @@ def test_document_damaged_in_every_way(kind, command, tmp_path):
         (b'{"kind": "\xe9"}', "not a UTF-8 text (byte 10 is 0xe9)"),
         (b"[" * 100_000, "nested too deeply"),
         (b'{"condition": "' + b"x" * 100_001 + b'"}', "condition is a text of 100001 characters"),
-        (b'{"kind": "run", "kind": "mesh"}', "the key 'kind' stands twice"),
+        (b'{"kind": "run", "kind": "mesh"}', "the key 'kind' appears twice"),
         (b'{"a": [0, {"b": NaN}]}', "a[1].b is a number that no result holds"),
         (b'{"a": {"P_mmHg": [1.0, "x"]}}', "a.P_mmHg is to hold numbers"),
         (b'{"runs": [{"ffr": true}]}', "runs[0].ffr is to hold numbers"),

@@ -54,6 +54,11 @@ def main() -> int:
     )
     parser.add_argument("--problems", nargs="+", metavar="NAME", help="of verification; all")
     options = parser.parse_args()
+    if options.problems:
+        known = importlib.import_module("benchmarks.verification").PROBLEMS
+        unknown = [name for name in options.problems if name not in known]
+        if unknown:
+            parser.error(f"--problems: {unknown[0]!r} is none of {', '.join(known)}")
     facts, results = machine(), []
     for name in options.only:
         print(f"running {name} ...", file=sys.stderr, flush=True)

@@ -5,7 +5,7 @@ import inspect
 
 import pytest
 
-from benchmarks.__main__ import BENCHMARKS, LONG
+from benchmarks.__main__ import BENCHMARKS, LONG, main
 
 
 @pytest.mark.parametrize("name", [*BENCHMARKS, *LONG])
@@ -14,3 +14,11 @@ def test_benchmark_takes_its_rounds(name):
     inspect.signature(run).bind(rounds=1)
     own = {"meshing": {"preset": "coarse"}, "verification": {"problems": ["x"]}}.get(name, {})
     inspect.signature(run).bind(rounds=1, **own)
+
+
+def test_unknown_problems_are_refused_with_those_there_are(monkeypatch, capsys):
+    monkeypatch.setattr("sys.argv", ["benchmarks", "--only", "verification", "--problems", "waves"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert "'waves' is none of wave, pulse" in capsys.readouterr().err

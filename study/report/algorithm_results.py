@@ -322,7 +322,7 @@ def _notes(result: StudyResult) -> Iterator[tuple[str, str]]:
         if run.repeated:
             yield (
                 "info",
-                f"{run.folder}: {run.repeated} steps failed and were repeated with smaller ones",
+                f"{run.folder}: steps repeated with smaller ones after a failure: {run.repeated}",
             )
         yield from _aortic_flow(run, result.case.windkessel)
     for name, text in result.collapsed.items():

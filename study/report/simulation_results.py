@@ -164,7 +164,7 @@ def _notes(
         )
         notes.append(("warning", text))
     if outcome.events:
-        text = f"{len(outcome.events)} steps failed and were repeated with smaller ones"
+        text = f"steps repeated with smaller ones after a failure: {len(outcome.events)}"
         notes.append(("info", text))
     if not setup.model.is_rigid:
         P = case.conditions.get("rest", case.conditions[condition]).P_diastolic / MMHG

@@ -17,6 +17,7 @@ Source: Puelz et al. 2024, section 2.4 and figure 4.
 from typing import ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from lumped.blocks import Coronary
@@ -83,7 +84,9 @@ class HaemodynamicCondition(eqx.Module):
         T = self.period if period is None else period
         beat = self.waveform
         if beat is not None:
-            gain = (P_s - P_d) / (self.P_systolic - self.P_diastolic)
+            pulse = self.P_systolic - self.P_diastolic
+            steady = pulse == 0.0  # then there is nothing to stretch the beat by
+            gain = jnp.where(steady, 1.0, (P_s - P_d) / jnp.where(steady, 1.0, pulse))
             beat = Stretched(beat, T / self.period, gain, P_d - gain * self.P_diastolic)
         return HaemodynamicCondition(P_s, P_d, T, waveform=beat)
 

@@ -48,8 +48,12 @@ effects that an ambiguous answer lists, together."""
 Answer = dict[str, Any]
 
 
-KNOWN = ("zerod", "other_forms", "real_clock")
-"""Generators whose effects the oracle can draw and run."""
+DRAWERS = {
+    "zerod": zerod_forms.DRAWERS,
+    "other_forms": catalogue.DRAWERS,
+    "real_clock": catalogue.DRAWERS,
+}
+"""Drawers of the truths of each generator that the oracle knows."""
 
 
 def oracle(folder: pathlib.Path, draws: int | None = None, records: int | None = None) -> None:
@@ -65,10 +69,10 @@ def oracle(folder: pathlib.Path, draws: int | None = None, records: int | None =
             the generator.
     """
     content = json.loads((folder / "labels.json").read_text(encoding="utf-8"))
-    if content["generator"] not in KNOWN:
+    if content["generator"] not in DRAWERS:
         raise ValueError(
             f"{folder} is of the generator {content['generator']}, which the oracle does not know;"
-            f" it knows {', '.join(KNOWN)}."
+            f" it knows {', '.join(DRAWERS)}."
         )
     file = folder / "answers-oracle.json"
     answers = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
@@ -102,11 +106,6 @@ def traces(text: str) -> np.ndarray:
     return np.array([line.split(",") for line in text.splitlines()[1:]], float)
 
 
-def drawers_of(generator: str) -> dict[str, Drawer]:
-    """Drawers of a generator's truths."""
-    return zerod_forms.DRAWERS if generator == "zerod" else catalogue.DRAWERS
-
-
 def hypotheses(drawers: Mapping[str, Drawer]) -> dict[str, float]:
     """Prior probability of every truth."""
     kinds = [name for name in drawers if name.startswith("outside:")]
@@ -130,8 +129,8 @@ def answered(
     """
     b = bench(scene)
     r = residual(b, files)
-    prior = hypotheses(drawers_of(generator))
-    found = evidences(b, r, {n: drawers_of(generator)[n] for n in prior if n != "none"}, nodes)
+    prior = hypotheses(DRAWERS[generator])
+    found = evidences(b, r, {n: DRAWERS[generator][n] for n in prior if n != "none"}, nodes)
     log = {name: np.log(prior[name]) + value for name, value in {**found, "none": 0.0}.items()}
     total = logsumexp(list(log.values()))
     other = any(plan.family is not assumed_aorta for plan in scene.plans.values())

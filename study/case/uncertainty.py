@@ -36,14 +36,7 @@ class UncertaintyParameters:
         Number, Quantity("ratio", "", 0.0, 1.5, text="sd of the logarithm of im_factor")
     ] = IM_FACTOR_SD
     P_venous_low: Annotated[
-        Number,
-        Quantity(
-            "pressure",
-            "mmHg",
-            0.0,
-            30.0,
-            text="least venous pressure, where that of [coronary] is 0",
-        ),
+        Number, Quantity("pressure", "mmHg", 0.0, 30.0, text="least one where [coronary] has 0")
     ] = P_VENOUS_RANGE[0]
     P_venous_high: Annotated[
         Number, Quantity("pressure", "mmHg", 0.1, 40.0, text="largest venous pressure")

@@ -11,9 +11,8 @@ from benchmarks.__main__ import BENCHMARKS, LONG, main
 @pytest.mark.parametrize("name", [*BENCHMARKS, *LONG])
 def test_benchmark_takes_its_rounds(name):
     run = importlib.import_module(f"benchmarks.{name}").run
-    inspect.signature(run).bind(rounds=1)
-    own = {"meshing": {"preset": "coarse"}, "verification": {"problems": ["x"]}}.get(name, {})
-    inspect.signature(run).bind(rounds=1, **own)
+    own = {"meshing": {"preset"}, "verification": {"problems"}}.get(name, set())
+    assert {"rounds", *own} <= inspect.signature(run).parameters.keys()
 
 
 def test_unknown_problems_are_refused_with_those_there_are(monkeypatch, capsys):

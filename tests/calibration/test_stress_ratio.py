@@ -20,6 +20,7 @@ from calibration import (
 from lumped import (
     MMHG,
     AorticPressure,
+    HaemodynamicCondition,
     Shooting,
     Surrogate,
     condition_from_clinic,
@@ -110,6 +111,14 @@ def test_a_measured_beat_goes_along_with_the_numbers_of_its_condition(change):
     h = 1e-3
     central = (moved(beat, 1.0 + h) - moved(beat, 1.0 - h)) / (2.0 * h)
     assert float(slope) == pytest.approx(float(central), rel=1e-3, abs=1e-6)
+
+
+def test_a_beat_of_a_steady_condition_is_shifted():
+    P = 90.0 * MMHG
+    beat = _measured(STRESS).waveform
+    steady = HaemodynamicCondition(P, P, STRESS.period, waveform=beat)
+    moved = steady.moved(P_diastolic=P + MMHG)
+    assert float(moved.waveform(0.1)) == pytest.approx(float(beat(0.1)) + MMHG)
 
 
 @pytest.mark.parametrize("name", ["linear", "quadratic"])

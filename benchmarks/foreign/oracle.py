@@ -48,7 +48,7 @@ effects that an ambiguous answer lists, together."""
 Answer = dict[str, Any]
 
 
-DRAWERS = {
+DRAWERS_OF = {
     "zerod": zerod_forms.DRAWERS,
     "other_forms": catalogue.DRAWERS,
     "real_clock": catalogue.DRAWERS,
@@ -69,10 +69,10 @@ def oracle(folder: pathlib.Path, draws: int | None = None, records: int | None =
             the generator.
     """
     content = json.loads((folder / "labels.json").read_text(encoding="utf-8"))
-    if content["generator"] not in DRAWERS:
+    if content["generator"] not in DRAWERS_OF:
         raise ValueError(
             f"{folder} is of the generator {content['generator']}, which the oracle does not know;"
-            f" it knows {', '.join(DRAWERS)}."
+            f" it knows {', '.join(DRAWERS_OF)}."
         )
     file = folder / "answers-oracle.json"
     answers = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
@@ -129,8 +129,8 @@ def answered(
     """
     b = bench(scene)
     r = residual(b, files)
-    prior = hypotheses(DRAWERS[generator])
-    found = evidences(b, r, {n: DRAWERS[generator][n] for n in prior if n != "none"}, nodes)
+    prior = hypotheses(DRAWERS_OF[generator])
+    found = evidences(b, r, {n: DRAWERS_OF[generator][n] for n in prior if n != "none"}, nodes)
     log = {name: np.log(prior[name]) + value for name, value in {**found, "none": 0.0}.items()}
     total = logsumexp(list(log.values()))
     other = any(plan.family is not assumed_aorta for plan in scene.plans.values())

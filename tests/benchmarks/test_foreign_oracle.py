@@ -13,7 +13,7 @@ from benchmarks.foreign.catalogue import DRAWERS
 from benchmarks.foreign.effect_runs import bench, differences
 from benchmarks.foreign.evidence import Metric, Nodes, integrate
 from benchmarks.foreign.form import EffectForm
-from benchmarks.foreign.oracle import DRAWERS, hypotheses, named, residual, verdict
+from benchmarks.foreign.oracle import DRAWERS_OF, hypotheses, named, residual, verdict
 from benchmarks.foreign.patient import draw_patient
 from benchmarks.foreign.replay import leaves
 from benchmarks.foreign.score import table
@@ -89,7 +89,7 @@ def probabilities(effect, seed):
     b = bench(record.scene)
     drawers = {name: DRAWERS[name] for name in CHEAP}
     log = evidences(b, residual(b, record.files), drawers)
-    prior = hypotheses(DRAWERS["other_forms"])
+    prior = hypotheses(DRAWERS_OF["other_forms"])
     weights = {name: prior[name] * np.exp(log.get(name, 0.0)) for name in ("none", *CHEAP)}
     total = sum(weights.values())
     return record, {name: w / total for name, w in weights.items()}

@@ -16,7 +16,6 @@ import time
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import blackjax  # pyright: ignore[reportMissingImports]
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -175,6 +174,13 @@ def _nuts(posterior: InputDensity, seed: int) -> Found:
 @eqx.filter_jit
 def _chains(posterior: InputDensity, keys: Array) -> Float[Array, "chains draws"]:
     """FFR along chains that start from the prior."""
+    try:
+        import blackjax  # pyright: ignore[reportMissingImports]
+    except ImportError as error:
+        raise ImportError(
+            "blackjax is not installed, which draws the chains. Try: pip install "
+            "'jaxfsi[benchmark]'"
+        ) from error
     n = len(posterior.names)
 
     def chain(key: Array) -> Float[Array, " draws"]:

@@ -2,6 +2,8 @@
 
 import importlib
 import inspect
+import subprocess
+import sys
 
 import pytest
 
@@ -13,6 +15,17 @@ def test_benchmark_takes_its_rounds(name):
     run = importlib.import_module(f"benchmarks.{name}").run
     own = {"meshing": {"preset"}, "verification": {"problems"}}.get(name, set())
     assert {"rounds", *own} <= inspect.signature(run).parameters.keys()
+
+
+def test_benchmarks_can_be_imported_without_extras():
+    program = f"""
+import importlib, sys
+sys.modules.update(dict.fromkeys(["blackjax", "sklearn", "skfem", "pysvzerod"]))
+for name in {[*BENCHMARKS, *LONG]}:
+    importlib.import_module(f"benchmarks.{{name}}")
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_unknown_problems_are_refused_with_those_there_are(monkeypatch, capsys):

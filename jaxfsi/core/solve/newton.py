@@ -174,7 +174,7 @@ def linearised(y: Unknowns, model: Model, step: Step, stepper: Stepper, kept: Pa
         return ravel_pytree(apply_elements_transposed(about, v, model, step, stepper.method))[0]
 
     diagonal = blood_diagonal(about.blood, model, step.fluid_shape)
-    return product, transposed, with_blood(stepper.preconditioner, diagonal, about.blood.A)
+    return product, transposed, with_blood(stepper.preconditioner, diagonal, about.blood.A, step.Z)
 
 
 class _Iterate(NamedTuple):

@@ -28,6 +28,7 @@ Measured on the elastic tube of 10 000 elements (Δt 1e-4 s, E 3e6 dyn/cm²): 7 
 many as with the exact Schur complement; 5 with an exact blood block.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -38,19 +39,10 @@ import numpy as np
 import scipy.sparse as sp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.elements.assembly import (
-    MASS,
-    HostGeometry,
-    assembled,
-    assembled_vector,
-    host_geometry,
-    isotropic_stiffness,
-    stiffness,
-)
+from jaxfsi.core.elements.assembly import host_geometry
 from jaxfsi.core.elements.linear import added
 from jaxfsi.core.elements.stencil import apply, columns_of, neighbours
 from jaxfsi.core.elements.wall import Weights
-from jaxfsi.core.laws.fluid import stabilisation_parameters, viscous_rate_squared
 from jaxfsi.core.laws.interface import MidEdgeInterface, mid_edge_flux, mid_edge_load
 from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
 from jaxfsi.core.solve.nested_factor import (
@@ -59,6 +51,14 @@ from jaxfsi.core.solve.nested_factor import (
     nested_solve,
     nested_solve_once,
 )
+from jaxfsi.core.solve.port_coupling import (
+    PortCoupling,
+    closed_pressure,
+    closed_velocity,
+    closed_velocity_transposed,
+    port_coupling,
+    with_resistance,
+)
 from jaxfsi.core.solve.relaxation import (
     Relaxation,
     relaxation,
@@ -66,7 +66,7 @@ from jaxfsi.core.solve.relaxation import (
     renewed,
     transposed,
 )
-from jaxfsi.core.solve.wall_blocks import edge_blocks, vertex_block
+from jaxfsi.core.solve.step_blocks import StepBlocks, step_blocks
 from jaxfsi.core.solve.wall_factor import (
     WallFactor,
     wall_factor,
@@ -126,6 +126,7 @@ class Preconditioner(eqx.Module):
         velocity_scale: A^(−1/2) of each velocity, by its diagonal.
         pressure_scale: S^(−1/2) of each pressure, by its diagonal.
         mid_edge: G of mid-edge modes; None where there are none.
+        ports: resistance of the ports; None where no pressure follows a flow.
     """
 
     wall: WallFactor
@@ -139,15 +140,7 @@ class Preconditioner(eqx.Module):
     velocity_scale: Float[Array, "3 nodes"]
     pressure_scale: Float[Array, " nodes"]
     mid_edge: MidEdgeGradient | None
-
-
-class _Blocks(NamedTuple):
-    A_wall: sp.csr_matrix
-    diagonal: Float[np.ndarray, "nodes 3"]
-    lumped_mass: Float[np.ndarray, " nodes"]
-    G: tuple[sp.csr_matrix, ...]
-    D: tuple[sp.csr_matrix, ...]
-    C: sp.csr_matrix
+    ports: PortCoupling | None
 
 
 def preconditioner(
@@ -159,7 +152,7 @@ def preconditioner(
     in_fluid = np.asarray(model.in_fluid)
     fluid = np.asarray(model.fluid_tets).T
     shape = host_geometry(points, fluid)
-    blocks = _blocks(dt, model, method, shape)
+    blocks = step_blocks(dt, model, method, shape)
     wall = wall_factor(blocks.A_wall, model, Weights(*method.weights(dt)), dtype=dtype)
     free_fluid = in_fluid & ~in_solid & ~prescribed
     inverse_diagonal = np.where(free_fluid[:, None], 1.0 / blocks.diagonal, 0.0)
@@ -176,6 +169,7 @@ def preconditioner(
     S = ((S + S.T) / 2.0).tocsr()[wet][:, wet]
     S_diagonal = np.ones(len(points))
     S_diagonal[wet] = S.diagonal()
+    pressure = nested_factor(S, points=points[wet], dtype=dtype)
     neighbour = neighbours(fluid, len(points))
     G = np.stack([columns_of(block, neighbour) for block in blocks.G])
     G_transposed = np.stack([columns_of(block.T.tocsr(), neighbour) for block in blocks.G])
@@ -183,7 +177,7 @@ def preconditioner(
         wall,
         jnp.asarray(inverse_diagonal.T, dtype),
         relaxation(fluid, free_fluid, dtype=dtype),
-        nested_factor(S, points=points[wet], dtype=dtype),
+        pressure,
         jnp.asarray(wet, jnp.int32),
         jnp.asarray(neighbour, jnp.int32),
         jnp.asarray(G, dtype),
@@ -193,79 +187,12 @@ def preconditioner(
         jax.tree.map(
             lambda a: jnp.asarray(a, dtype) if eqx.is_inexact_array_like(a) else a, mid_edge
         ),
-    )
-
-
-def _blocks(dt: float, model: Model, method: GeneralizedAlpha, shape: HostGeometry) -> _Blocks:
-    """Blocks of the step with the blood at rest, three velocities a node in A_wall.
-
-    The equations are those of `laws.fluid` and `solve.blood_tangent`.
-    """
-    points = np.asarray(model.x).T
-    n_nodes = len(points)
-    fluid = np.asarray(model.fluid_tets).T
-    w_a, w_u, w_d = (float(w) for w in method.weights(dt))
-    rho = float(model.blood.rho_f)
-    mu = np.asarray(model.blood.viscosity(jnp.ones(len(fluid))))
-    metric = np.einsum("eai,eaj->eij", shape.grad[:, 1:], shape.grad[:, 1:])
-    steady = viscous_rate_squared(mu, rho, np.sum(metric**2, axis=(1, 2)))
-    trace = np.trace(metric, axis1=1, axis2=2)
-    tau, tau_continuity = stabilisation_parameters(
-        dt, steady, trace, rho, model.blood.transient_continuity, xp=np
-    )
-    fluid_moduli = (w_u * tau_continuity, w_u * mu)
-    fluid_mass = w_a * rho * shape.volume
-    diagonal = _diagonal(fluid, shape, fluid_mass, *fluid_moduli, n_nodes)
-    near = np.any(np.asarray(model.in_solid)[fluid], axis=1)
-    A_wall = _vector_block(
-        fluid[near],
-        HostGeometry(shape.grad[near], shape.volume[near]),
-        fluid_mass[near],
-        fluid_moduli[0][near],
-        fluid_moduli[1][near],
-        n_nodes,
-    )
-    if model.wall is not None:
-        weights = Weights(w_a, w_u, w_d)
-        wall = vertex_block(model, weights)
-        A_wall = A_wall + wall
-        diagonal = diagonal + wall.diagonal().reshape(-1, 3)
-        edges = np.diagonal(edge_blocks(model, weights), axis1=1, axis2=2)
-        diagonal[model.n_vertices :] += edges
-    quarter = shape.volume / 4.0
-    G_block, D_block = [], []
-    for i in range(3):
-        slope = shape.grad[:, :, i] * quarter[:, None]
-        spread = np.repeat(slope[:, :, None], 4, axis=2)  # row: gradient, column: value
-        G_block.append(assembled(fluid, -w_u * spread, n_nodes))
-        weak = w_u * np.swapaxes(spread, 1, 2) + (w_a * rho * tau)[:, None, None] * spread
-        D_block.append(assembled(fluid, weak, n_nodes))
-    C = assembled(fluid, stiffness(shape, w_u * tau), n_nodes)
-    diagonal = np.where(diagonal > 0.0, diagonal, 1.0)
-    lumped = np.bincount(fluid.ravel(), np.repeat(fluid_mass / 4.0, 4), n_nodes)
-    return _Blocks(A_wall, diagonal, lumped, tuple(G_block), tuple(D_block), C)
-
-
-def _vector_block(tets, shape, mass, lam, G, n_nodes) -> sp.csr_matrix:
-    values = isotropic_stiffness(shape, lam, G)
-    for i in range(3):
-        values[:, :, i, :, i] += mass[:, None, None] * MASS
-    return assembled_vector(tets, values, n_nodes)
-
-
-def _diagonal(tets, shape, mass, lam, G, n_nodes) -> Float[np.ndarray, "nodes 3"]:
-    square = shape.grad**2
-    values = (lam + G)[:, None, None] * square + (G[:, None] * np.sum(square, axis=2))[..., None]
-    values = values * shape.volume[:, None, None] + (mass / 10.0)[:, None, None]
-    return np.stack(
-        [np.bincount(tets.ravel(), values[:, :, i].ravel(), n_nodes) for i in range(3)],
-        axis=1,
-        dtype=float,
+        port_coupling(model, blocks, yielding, pressure, dtype),
     )
 
 
 def _wall_response(
-    blocks: _Blocks,
+    blocks: StepBlocks,
     wall: WallFactor,
     mid_edge: MidEdgeGradient | None,
     interface: Bool[np.ndarray, " nodes"],
@@ -314,13 +241,15 @@ def with_blood(
     M: Preconditioner,
     diagonal: Sequence[Float[Array, " nodes"]],
     A: tuple[Float[Array, " tets"], ...],
+    Z: Float[Array, " ports"],
 ) -> Preconditioner:
     """The preconditioner with another A at the blood's own nodes.
 
     Args:
         M: with any.
-        diagonal: of A, by component.
+        diagonal: of A, by component, without the resistance of the ports.
         A: entries of its scalar operator, see `relaxation.renewed`.
+        Z: derivative of each port's pressure by its flow [dyn·s/cm⁵].
     """
     known = M.inverse_diagonal
     inverse = jnp.stack(
@@ -330,7 +259,8 @@ def with_blood(
     own = M.relaxation.nodes
     stiffened = jnp.mean(known[:, own] / inverse[:, own])
     blood = renewed(M.relaxation, A, stiffened)
-    return eqx.tree_at(lambda m: (m.inverse_diagonal, m.relaxation), M, (inverse, blood))
+    ports = None if M.ports is None else with_resistance(M.ports, Z, inverse)
+    return dataclasses.replace(M, inverse_diagonal=inverse, relaxation=blood, ports=ports)
 
 
 def _weak_gradient(M: Preconditioner, p: Float[Array, " nodes"]) -> Float[Array, "3 nodes"]:
@@ -349,11 +279,28 @@ def _weak_gradient_transposed(
 
 
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
-    return relaxed(M.relaxation, M.inverse_diagonal, r) + wall_solve(M.wall, r)
+    own = relaxed(M.relaxation, M.inverse_diagonal, r)
+    if M.ports is not None:
+        own = closed_velocity(M.ports, M.inverse_diagonal, own)
+    return own + wall_solve(M.wall, r)
+
+
+def _velocity_solve_transposed(
+    M: Preconditioner, r: Float[Array, "3 nodes"]
+) -> Float[Array, "3 nodes"]:
+    rest = r
+    if M.ports is not None:
+        rest = closed_velocity_transposed(M.ports, M.inverse_diagonal, r)
+    own = relaxed(transposed(M.relaxation), M.inverse_diagonal, rest)
+    return own + wall_solve_transposed(M.wall, r)
 
 
 def _pressure_solve(M: Preconditioner, r: Float[Array, " nodes"]) -> Float[Array, " nodes"]:
-    return jnp.zeros_like(r).at[M.pressure_nodes].set(nested_solve(M.pressure, r[M.pressure_nodes]))
+    wet = r[M.pressure_nodes]
+    z = nested_solve(M.pressure, wet)
+    if M.ports is not None:
+        z = closed_pressure(M.ports, z, wet)
+    return jnp.zeros_like(r).at[M.pressure_nodes].set(z)
 
 
 def precondition(
@@ -373,8 +320,6 @@ def precondition_transposed(
 ) -> tuple[Float[Array, "3 nodes"], Float[Array, " nodes"]]:
     """Apply the transpose of `precondition`; S is symmetric."""
     dtype = M.inverse_diagonal.dtype
-    r = r_u.astype(dtype)
-    own = relaxed(transposed(M.relaxation), M.inverse_diagonal, r)
-    z_u = own + wall_solve_transposed(M.wall, r)
+    z_u = _velocity_solve_transposed(M, r_u.astype(dtype))
     z_p = _pressure_solve(M, r_p.astype(dtype) - _weak_gradient_transposed(M, z_u))
     return z_u.astype(r_u.dtype), z_p.astype(r_p.dtype)

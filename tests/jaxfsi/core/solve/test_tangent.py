@@ -223,7 +223,7 @@ def test_diagonal_in_the_blood_is_that_of_the_tangent():
     tangent = _lagged(step_tangent(Unknowns(state.u, state.p), model, step, METHOD))
     known = preconditioner(DT, model, METHOD, dtype=np.float64)
     inverse = with_blood(
-        known, blood_diagonal(tangent.blood, model, step.fluid_shape), tangent.blood.A
+        known, blood_diagonal(tangent.blood, model, step.fluid_shape), tangent.blood.A, step.Z
     ).inverse_diagonal
     free = np.flatnonzero(np.asarray(~model.in_solid & ~model.prescribed))
     at_ports = np.unique(np.concatenate([np.asarray(faces) for faces in model.port_faces], axis=1))

@@ -27,8 +27,8 @@ f′_b to the mean::
 
     ∫ f g = V (f̄ ḡ + Σ_b f′_b (g_b − g_1)/20),   b = 2, 3, 4
 
-The same equations stand in `laws.fluid.fluid_residual`, in `solve.preconditioner._blocks` (at rest,
-as matrices) and in `verification.reference_residual` (as on the page): a term that is changed here
+The same equations stand in `laws.fluid.fluid_residual`, in `solve.step_blocks` (at rest, as
+matrices) and in `verification.reference_residual` (as on the page): a term that is changed here
 is changed there, and ``test_one_equation.py`` compares them.
 """
 

@@ -1,16 +1,18 @@
-"""What the resistance of ports adds to the preconditioner: matrices of rank one.
+"""The resistance of the ports in the preconditioner: one matrix of rank one for each port.
 
-A port whose pressure follows its flow, P = P_offset + Z Q with Q = aᵀu, adds Z a aᵀ to the block A
-of momentum. Without it GMRES meets eigenvalues Z aᵀD⁻¹a of up to several hundred, one for each
-opening, and the Schur complement takes for open what is nearly closed. With the diagonal D of A at
-the openings, and y for it in the Schur complement, Woodbury's identity gives::
+A port whose pressure follows its flow, P = P_offset + Z Q with Q = aᵀu, adds Z a aᵀ to the block of
+momentum. A preconditioner that leaves it out has an eigenvalue of several hundred for each opening,
+and its Schur complement S lets blood out freely where hardly any leaves.
 
-    (D + a Z aᵀ)⁻¹ = D⁻¹ − D⁻¹ a (Z⁻¹ + aᵀD⁻¹a)⁻¹ aᵀD⁻¹
-    S − g (Z⁻¹ + aᵀy a)⁻¹ gᵀ,    g = Gᵀ y a
-    its inverse:  S⁻¹ + s (Z⁻¹ + aᵀy a − gᵀs)⁻¹ sᵀ,    s = S⁻¹ g
+Let Λ be the diagonal of momentum at the blood's own nodes, and y what S takes for its inverse. With
+a, g = Gᵀ y a and s = S⁻¹ g as columns, one for each port, Woodbury's identity gives::
 
-with a and g as columns, one for each port. On the medium mesh of a patient a system to 1e-3 takes
-14, 22 and 26 iterations at three moments of the beat, and 22, 25 and 34 without.
+    (Λ + a Z aᵀ)⁻¹ = Λ⁻¹ − Λ⁻¹ a (Z⁻¹ + aᵀ Λ⁻¹ a)⁻¹ aᵀ Λ⁻¹
+    S − g (Z⁻¹ + aᵀ y a)⁻¹ gᵀ  has the inverse  S⁻¹ + s (Z⁻¹ + aᵀ y a − gᵀ s)⁻¹ sᵀ
+
+Nodes on the rim of an opening in a free wall are the wall's, and left out. On the medium mesh of a
+patient a linear system to 1e-3 takes 14, 23 and 26 iterations at three moments of the beat, and 22,
+25 and 34 without the ports.
 
 Source: Esmaily-Moghadam, Bazilevs & Marsden 2013, Comput. Mech. 52:1141; Hager 1989, SIAM Rev.
 31:221, for Woodbury's identity.
@@ -19,6 +21,7 @@ Source: Esmaily-Moghadam, Bazilevs & Marsden 2013, Comput. Mech. 52:1141; Hager 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.lax import Precision
 from jaxtyping import Array, Float, Int
 
 from jaxfsi.core.elements.linear import area_vectors
@@ -27,30 +30,31 @@ from jaxfsi.core.solve.nested_factor import NestedFactor, nested_solve_once
 from jaxfsi.core.solve.step_blocks import StepBlocks
 from jaxfsi.core.step.model import Model
 
-_LEAST_COMPLIANCE = 1e-3
-"""Least eigenvalue of aᵀy a − gᵀs over the largest of aᵀy a, below which it is round-off of S⁻¹."""
+_ROUND_OFF = 1e-5
+"""Least eigenvalue of aᵀ y a − gᵀ s, relative to aᵀ y a. Through a rigid vessel whose openings all
+have a resistance a uniform pressure drives no flow: what is left of that zero is round-off."""
 
 
 class PortCoupling(eqx.Module):
-    """The vectors of the ports, and what they are combined with for given resistances.
+    """The vectors of the ports, and the matrices that combine them for given resistances.
 
     Attributes:
-        port: which ports these are, by their place in the model (static).
+        port: places of these ports among those of the model (static).
         nodes: the blood's own nodes at these ports.
-        area: a of each port at these nodes.
-        pressure: s of each port, at the nodes that carry a pressure.
-        compliance: aᵀy a − gᵀs.
-        in_velocity: (Z⁻¹ + aᵀD⁻¹a)⁻¹; zero until Z is given.
-        in_pressure: (Z⁻¹ + aᵀy a − gᵀs)⁻¹, likewise.
+        area: a: flow of each port for a unit velocity of a node [cm²].
+        pressure: s: pressure at each node that carries one, for a unit pressure at a port.
+        conductance: aᵀ y a − gᵀ s: flow of each port for a unit pressure at another [cm⁵/(dyn·s)].
+        of_velocity: (Z⁻¹ + aᵀ Λ⁻¹ a)⁻¹ [dyn·s/cm⁵]; zero until Z is given.
+        of_pressure: (Z⁻¹ + aᵀ y a − gᵀ s)⁻¹, likewise.
     """
 
     port: tuple[int, ...] = eqx.field(static=True)
     nodes: Int[Array, " open"]
     area: Float[Array, "ports 3 open"]
     pressure: Float[Array, "ports wet"]
-    compliance: Float[Array, "ports ports"]
-    in_velocity: Float[Array, "ports ports"]
-    in_pressure: Float[Array, "ports ports"]
+    conductance: Float[Array, "ports ports"]
+    of_velocity: Float[Array, "ports ports"]
+    of_pressure: Float[Array, "ports ports"]
 
 
 def port_coupling(
@@ -76,31 +80,39 @@ def port_coupling(
     )
     area = np.zeros((len(ports), model.n_nodes, 3))
     for k, i in enumerate(ports):
-        faces = np.asarray(model.port_faces[i])
         third = np.asarray(area_vectors(model.x, model.port_faces[i])).T / 3.0
-        for corner in faces:
+        for corner in np.asarray(model.port_faces[i]):
             np.add.at(area[k], corner, third)
     area[:, ~np.any(yielding, axis=1)] = 0.0
     nodes = np.flatnonzero(np.any(area, axis=(0, 2)))
     if not len(nodes):
         return None
     yielded, wet = yielding * area, np.flatnonzero(np.asarray(model.in_fluid))
-    # S is symmetric, and the divergence differs from −Gᵀ by its stabilisation
+    # S is symmetric: of the gradient G and the divergence D, which differs from −Gᵀ by its
+    # stabilisation, the mean
     pairs = list(enumerate(zip(blocks.G, blocks.D, strict=True)))
     g = 0.5 * np.stack([sum((G.T @ v[:, i] - D @ v[:, i]) for i, (G, D) in pairs) for v in yielded])
     g = g[:, wet]
     s = np.stack([nested_solve_once(pressure, column) for column in g])
-    flow = np.einsum("kni,lni->kl", area, yielded)
-    compliance, directions = np.linalg.eigh(flow - 0.5 * (g @ s.T + s @ g.T))
-    compliance = np.maximum(compliance, _LEAST_COMPLIANCE * np.max(np.diag(flow)))
+    free = np.einsum("kni,lni->kl", area, yielded)
     return PortCoupling(
         ports,
         jnp.asarray(nodes, jnp.int32),
         jnp.asarray(np.moveaxis(area[:, nodes], 2, 1), dtype),
         jnp.asarray(s, dtype),
-        jnp.asarray(directions * compliance @ directions.T, dtype),
-        *np.zeros((2, len(ports), len(ports)), dtype),
+        jnp.asarray(_conductance(free, 0.5 * (g @ s.T + s @ g.T)), dtype),
+        *jnp.zeros((2, len(ports), len(ports)), dtype),
     )
+
+
+def _conductance(
+    free: Float[np.ndarray, "ports ports"], held: Float[np.ndarray, "ports ports"]
+) -> Float[np.ndarray, "ports ports"]:
+    """The difference of two symmetric matrices, with eigenvalues above round-off."""
+    scale = np.sqrt(np.where(np.diag(free) > 0.0, np.diag(free), 1.0))
+    values, directions = np.linalg.eigh((free - held) / np.outer(scale, scale))
+    positive = directions * np.maximum(values, _ROUND_OFF) @ directions.T
+    return positive * np.outer(scale, scale)
 
 
 def with_resistance(
@@ -109,57 +121,67 @@ def with_resistance(
     """The same with other resistances.
 
     Args:
-        known: of the ports.
-        Z: of all ports of the model [dyn·s/cm⁵].
-        inverse_diagonal: D⁻¹.
+        known: vectors of the ports.
+        Z: derivative of the pressure of all ports of the model by their flow [dyn·s/cm⁵]; a
+            negative one counts as zero.
+        inverse_diagonal: Λ⁻¹ [s/g].
     """
-    Z = Z[np.array(known.port)].astype(known.area.dtype)
+    Z = jnp.maximum(Z[np.array(known.port)].astype(known.area.dtype), 0.0)
     eye = jnp.eye(len(Z), dtype=Z.dtype)
 
     def coupled(flow: Float[Array, "ports ports"]) -> Float[Array, "ports ports"]:
-        """(Z⁻¹ + flow)⁻¹, for resistances of zero too."""
+        """(Z⁻¹ + flow)⁻¹, for a Z of zero too."""
         return jnp.linalg.solve(eye + Z[:, None] * flow, Z[:, None] * eye)
 
     at = inverse_diagonal[:, known.nodes]
-    flow = jnp.einsum("kin,in,lin->kl", known.area, at, known.area)
-    weights = coupled(flow), coupled(known.compliance)
-    return eqx.tree_at(lambda k: (k.in_velocity, k.in_pressure), known, weights)
+    flow = jnp.einsum("kin,in,lin->kl", known.area, at, known.area, precision=Precision.HIGHEST)
+    matrices = coupled(flow), coupled(known.conductance)
+    return eqx.tree_at(lambda k: (k.of_velocity, k.of_pressure), known, matrices)
 
 
-def closed_velocity(
-    known: PortCoupling, inverse_diagonal: Float[Array, "3 nodes"], z: Float[Array, "3 nodes"]
+def _port_loads(
+    known: PortCoupling, matrix: Float[Array, "ports ports"], u: Float[Array, "3 open"]
+) -> Float[Array, "3 open"]:
+    """A matrix aᵀ u at the nodes of the ports."""
+    flow = jnp.einsum("kin,in->k", known.area, u, precision=Precision.HIGHEST)
+    P = jnp.matmul(matrix, flow, precision=Precision.HIGHEST)
+    return jnp.einsum("k,kin->in", P, known.area, precision=Precision.HIGHEST)
+
+
+def resisted_velocity(
+    known: PortCoupling, inverse_diagonal: Float[Array, "3 nodes"], u: Float[Array, "3 nodes"]
 ) -> Float[Array, "3 nodes"]:
-    """Velocity of the blood's own nodes with the resistance of the ports, from that without it.
+    """Velocity under given forces and the resistance of the ports, from that without resistance.
 
     Args:
-        known: of the ports.
-        inverse_diagonal: D⁻¹.
-        z: velocity without resistance.
+        known: the ports, with their resistances.
+        inverse_diagonal: Λ⁻¹ [s/g].
+        u: velocity without resistance [cm/s].
     """
     at = inverse_diagonal[:, known.nodes]
-    flow = jnp.einsum("kin,in->k", known.area, z[:, known.nodes])
-    load = jnp.einsum("k,kin->in", known.in_velocity @ flow, known.area)
-    return z.at[:, known.nodes].add(-at * load)
+    load = _port_loads(known, known.of_velocity, u[:, known.nodes])
+    return u.at[:, known.nodes].add(-at * load)
 
 
-def closed_velocity_transposed(
+def resisted_velocity_transposed(
     known: PortCoupling, inverse_diagonal: Float[Array, "3 nodes"], r: Float[Array, "3 nodes"]
 ) -> Float[Array, "3 nodes"]:
-    """The transpose of `closed_velocity`."""
+    """Apply the transpose of `resisted_velocity`."""
     at = inverse_diagonal[:, known.nodes]
-    flow = jnp.einsum("kin,in->k", known.area, at * r[:, known.nodes])
-    load = jnp.einsum("k,kin->in", known.in_velocity.T @ flow, known.area)
+    load = _port_loads(known, known.of_velocity.T, at * r[:, known.nodes])
     return r.at[:, known.nodes].add(-load)
 
 
-def closed_pressure(
-    known: PortCoupling, z: Float[Array, " wet"], r: Float[Array, " wet"]
+def resisted_pressure(
+    known: PortCoupling, p: Float[Array, " wet"], r: Float[Array, " wet"]
 ) -> Float[Array, " wet"]:
-    """Pressure with the resistance of the ports.
+    """Pressure under given sources and the resistance of the ports, from that without resistance.
 
     Args:
-        known: of the ports.
-        z: S⁻¹ r, without resistance.
-        r: residual of continuity.
+        known: the ports, with their resistances.
+        p: S⁻¹ r, pressure without resistance [dyn/cm²].
+        r: residual of continuity [cm³/s].
     """
-    return z + (known.in_pressure @ (known.pressure @ r)) @ known.pressure
+    at_ports = jnp.matmul(known.pressure, r, precision=Precision.HIGHEST)
+    P = jnp.matmul(known.of_pressure, at_ports, precision=Precision.HIGHEST)
+    return p + jnp.matmul(P, known.pressure, precision=Precision.HIGHEST)

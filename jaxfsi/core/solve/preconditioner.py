@@ -18,12 +18,12 @@ mid-edge modes: without them the coupled tube with a quadratic wall takes 15 ite
 takes 9 with the exact inverse of the wall.
 
 Everything is assembled once at the reference shape with the blood at rest, but for the relaxation
-in the blood, which each linear system renews (`with_blood`): where flow crosses ten elements in a
-step its stabilisation is forty times inertia, and a patient's systole takes 37 iterations with the
-diagonal at rest, 19 with its own. S with the diagonal at that flow is worse than at rest (31, 41,
-32, 32 iterations in four phases of a patient's stressed beat, 21, 41, 31, 30 at rest): the large
-diagonal belongs to velocities that alternate from node to node. With the lumped masses it takes 23,
-24, 24, 23, and the elastic tube as many as before.
+in the blood and the resistance of the ports (`port_coupling`), which each linear system renews
+(`with_blood`): where flow crosses ten elements in a step its stabilisation is forty times inertia,
+and a patient's systole takes 37 iterations with the diagonal at rest, 19 with its own. S with the
+diagonal at that flow is worse than at rest (31, 41, 32, 32 iterations in four phases of a patient's
+stressed beat, 21, 41, 31, 30 at rest): the large diagonal belongs to velocities that alternate from
+node to node. With the lumped masses it takes 23, 24, 24, 23, the elastic tube as many as before.
 Measured on the elastic tube of 10 000 elements (Δt 1e-4 s, E 3e6 dyn/cm²): 7 iterations to 1e-3, as
 many as with the exact Schur complement; 5 with an exact blood block.
 """
@@ -53,10 +53,10 @@ from jaxfsi.core.solve.nested_factor import (
 )
 from jaxfsi.core.solve.port_coupling import (
     PortCoupling,
-    closed_pressure,
-    closed_velocity,
-    closed_velocity_transposed,
     port_coupling,
+    resisted_pressure,
+    resisted_velocity,
+    resisted_velocity_transposed,
     with_resistance,
 )
 from jaxfsi.core.solve.relaxation import (
@@ -126,7 +126,7 @@ class Preconditioner(eqx.Module):
         velocity_scale: A^(−1/2) of each velocity, by its diagonal.
         pressure_scale: S^(−1/2) of each pressure, by its diagonal.
         mid_edge: G of mid-edge modes; None where there are none.
-        ports: resistance of the ports; None where no pressure follows a flow.
+        ports: resistance of the ports, zero until renewed; None where no pressure follows a flow.
     """
 
     wall: WallFactor
@@ -281,7 +281,7 @@ def _weak_gradient_transposed(
 def _velocity_solve(M: Preconditioner, r: Float[Array, "3 nodes"]) -> Float[Array, "3 nodes"]:
     own = relaxed(M.relaxation, M.inverse_diagonal, r)
     if M.ports is not None:
-        own = closed_velocity(M.ports, M.inverse_diagonal, own)
+        own = resisted_velocity(M.ports, M.inverse_diagonal, own)
     return own + wall_solve(M.wall, r)
 
 
@@ -290,7 +290,7 @@ def _velocity_solve_transposed(
 ) -> Float[Array, "3 nodes"]:
     rest = r
     if M.ports is not None:
-        rest = closed_velocity_transposed(M.ports, M.inverse_diagonal, r)
+        rest = resisted_velocity_transposed(M.ports, M.inverse_diagonal, r)
     own = relaxed(transposed(M.relaxation), M.inverse_diagonal, rest)
     return own + wall_solve_transposed(M.wall, r)
 
@@ -299,7 +299,7 @@ def _pressure_solve(M: Preconditioner, r: Float[Array, " nodes"]) -> Float[Array
     wet = r[M.pressure_nodes]
     z = nested_solve(M.pressure, wet)
     if M.ports is not None:
-        z = closed_pressure(M.ports, z, wet)
+        z = resisted_pressure(M.ports, z, wet)
     return jnp.zeros_like(r).at[M.pressure_nodes].set(z)
 
 

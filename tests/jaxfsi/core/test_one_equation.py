@@ -15,7 +15,7 @@ from jaxfsi.core.laws.fluid import fluid_residual, lagged_coefficients
 from jaxfsi.core.laws.mesh_motion import mesh_motion
 from jaxfsi.core.laws.solid import solid_residual
 from jaxfsi.core.solve.blood_tangent import blood_diagonal
-from jaxfsi.core.solve.preconditioner import _blocks
+from jaxfsi.core.solve.step_blocks import step_blocks
 from jaxfsi.core.solve.tangent import apply_elements, step_tangent
 from jaxfsi.core.step.equations import Unknowns, begin_step
 from jaxfsi.meshing import tube
@@ -90,7 +90,7 @@ def test_matrices_of_the_preconditioner_are_the_tangent_at_rest(model):
     step = begin_step(jnp.asarray(DT), model, state, METHOD, mesh_motion(model))
     tangent = step_tangent(Unknowns(state.u, state.p), model, step, METHOD)
     shape = host_geometry(np.asarray(model.x).T, np.asarray(model.fluid_tets).T)
-    blocks = _blocks(DT, model, METHOD, shape)
+    blocks = step_blocks(DT, model, METHOD, shape)
     v, p = _field(1.0, 3, model.n_nodes), _field(1.0, model.n_nodes)
     zero = Unknowns(jnp.zeros_like(v), jnp.zeros_like(p))
     by_pressure = apply_elements(tangent, zero._replace(p=p), model, step, METHOD)

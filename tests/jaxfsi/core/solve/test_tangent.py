@@ -17,6 +17,7 @@ from jaxfsi.core.ports.block import BlockPort
 from jaxfsi.core.ports.flow import FlowPort
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.solve.blood_tangent import apply_blood, blood_diagonal, blood_tangent
+from jaxfsi.core.solve.port_coupling import with_resistance
 from jaxfsi.core.solve.preconditioner import (
     precondition,
     precondition_transposed,
@@ -247,11 +248,19 @@ def test_diagonal_in_the_blood_is_that_of_the_tangent():
     ["linear", pytest.param("quadratic", marks=pytest.mark.slow), "rigid", "dry"],
 )
 def test_transposed_preconditioner_is_the_transpose(kind):
+    """With resistance behind the outlet, and blood that flow carries across elements."""
     model = _part(kind)
     M = preconditioner(DT, model, METHOD, dtype=np.float64)
     rng = np.random.default_rng(3)
+    if M.ports is not None:
+        Z = jnp.asarray([1e5 if k in M.ports.port else 0.0 for k in range(len(model.ports))])
+        N = rng.standard_normal(M.relaxation.N.shape) * 0.1 / np.max(M.inverse_diagonal)
+        carried = dataclasses.replace(M.relaxation, N=jnp.asarray(N), crosses=jnp.asarray(True))
+        ports = with_resistance(M.ports, Z, M.inverse_diagonal)
+        M = dataclasses.replace(M, ports=ports, relaxation=carried)
     u, v = (jnp.asarray(rng.standard_normal(model.x.shape)) for _ in range(2))
     p, q = (jnp.asarray(rng.standard_normal(model.n_nodes)) for _ in range(2))
+    assert (M.ports is None) == (kind == "dry")
     z_u, z_p = precondition(M, u, p)
     w_u, w_p = precondition_transposed(M, v, q)
     forward = float(jnp.sum(v * z_u) + jnp.sum(q * z_p))

@@ -154,7 +154,7 @@ def _widened(mesh: Mesh, wall: Wall, element: WallElement) -> tuple[np.ndarray, 
     part = submesh(mesh, Region.SOLID)
     model = build_model(part.mesh, {}, wall=wall, wall_element=element)
     loads = Loads((pressure_load(part.mesh, INTERFACE, jnp.asarray(_PULSE), model),))
-    end = equilibrium(model, loads, static_factor(model), max_linear=300, tolerance=1e-6)
+    end = equilibrium(model, loads, static_factor(model), max_iterations=300, tolerance=1e-6)
     d = np.zeros_like(mesh.points)
     d[part.nodes] = np.asarray(end.d).T[: model.n_vertices]
     return d, end

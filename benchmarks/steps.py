@@ -144,7 +144,7 @@ def _case(name: str, rounds: int) -> list[dict[str, Any]]:
         name, mesh, rounds, wall_element=wall_element, tolerance=tolerance
     )
     if name in _JUDGED:
-        tight = prepare(DT, model, tolerance=_TIGHT, max_linear=100, max_nonlinear=8)
+        tight = prepare(DT, model, tolerance=_TIGHT, max_iterations=100, max_systems=8)
         exact = march(model, begun, tight, CHUNK).state
         row["error"] = max(_difference(found.p, exact.p), _difference(found.d, exact.d))
     profile = _profile(mesh, model, begun, stepper, row, rounds) if name == _PROFILED else ()

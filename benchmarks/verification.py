@@ -214,7 +214,7 @@ def _gradients(element: WallElement, n: int, n_steps: int) -> Iterator[Figure]:
     mesh = coupled_tube.coupled_mesh(n_around=n, n_axial=n, columns=element == "bending")
     model = coupled_tube.coupled_model(mesh, wall_element=element)
     problem_name = f"derivative, {element} elements"
-    stepper = prepare(1e-3, model, tolerance=1e-10, max_linear=120, max_nonlinear=8)
+    stepper = prepare(1e-3, model, tolerance=1e-10, max_iterations=120, max_systems=8)
     numbers = (jnp.asarray(value, float) for value in coupled_tube.TubeParameters())
     parameters = coupled_tube.TubeParameters(*numbers)
     problem = (model, initial_state(model), stepper, n_steps)

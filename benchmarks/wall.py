@@ -133,7 +133,7 @@ def _row(
     def solve() -> Any:
         factor = static_factor(problem.model)
         return equilibrium(
-            problem.model, problem.loads, factor, max_linear=300, tolerance=1e-7, throw=False
+            problem.model, problem.loads, factor, max_iterations=300, tolerance=1e-7, throw=False
         )
 
     end, seconds = timed(solve)

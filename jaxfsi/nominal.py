@@ -21,7 +21,7 @@ WALL_DENSITY = 1.0
 MAX_HALVINGS = 4
 """How often a step that fails may be halved."""
 
-MAX_GMRES = 60
+MAX_ITERATIONS = 60
 """Iterations of GMRES in a linear system at most."""
 
 MAX_SYSTEMS = 10

@@ -159,7 +159,7 @@ def ratio_gradient(
         model: the model; its numbers must be concrete.
         state: state at the start.
         stepper: see `jaxfsi.core.step.stepper.prepare`; the transposed systems are solved to a
-            tenth of its tolerance and need more iterations (`max_linear`) than a step.
+            tenth of its tolerance and need more iterations (`max_iterations`) than a step.
         reading: where pressures are read.
         n_steps: steps of the run.
         per_cycle: steps of its last cycle, whose means count; None: all.
@@ -199,7 +199,7 @@ def ratio_gradient(
         if not all(bool(jnp.all(jnp.isfinite(a))) for a in jax.tree.leaves(by_state)):
             raise RuntimeError(
                 f"A transposed system of the steps {k * chunk + 1} to {(k + 1) * chunk} was not"
-                " solved. Allow more iterations (max_linear) or take a smaller dt."
+                " solved. Allow more iterations (max_iterations) or take a smaller dt."
             )
         if kept is not None:
             kept.save({str(i): np.asarray(a) for i, a in enumerate(jax.tree.leaves(gathered))})

@@ -16,7 +16,7 @@ from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import Start, State
 from jaxfsi.core.step.step import RESULTS
 from jaxfsi.core.step.stepper import Stepper, prepare
-from jaxfsi.nominal import CHECKPOINT_EVERY, MAX_GMRES, MAX_SYSTEMS
+from jaxfsi.nominal import CHECKPOINT_EVERY, MAX_ITERATIONS, MAX_SYSTEMS
 from jaxfsi.simulation.checkpoint import (
     Checkpoint,
     CheckpointError,
@@ -45,14 +45,14 @@ class SolverChoice:
     Attributes:
         rho_infinity: damping of the highest frequency.
         tolerance: by how much the residual of the extrapolated state is reduced.
-        max_linear: iterations of GMRES at most.
-        max_nonlinear: linear systems a step at most.
+        max_iterations: iterations of GMRES at most.
+        max_systems: linear systems a step at most.
     """
 
     rho_infinity: float = 0.5
     tolerance: float = 1e-3
-    max_linear: int = MAX_GMRES
-    max_nonlinear: int = MAX_SYSTEMS
+    max_iterations: int = MAX_ITERATIONS
+    max_systems: int = MAX_SYSTEMS
 
 
 class ProgressRecord(NamedTuple):

@@ -156,7 +156,7 @@ def cylinder_forces(mesh: Mesh, *, dt: float, n_steps: int) -> Forces:
     nodes = np.unique(mesh.labelled(INTERFACE))
     away = np.hypot(*(mesh.points[nodes, :2] - CENTRE).T)
     nodes = nodes[away < 0.5 * DIAMETER + 1e-6]
-    stepper = prepare(dt, model, rho_infinity=0.0, tolerance=1e-4, max_linear=100)
+    stepper = prepare(dt, model, rho_infinity=0.0, tolerance=1e-4, max_iterations=100)
     found = []
     state = initial_state(model)
     for count in (n_steps - 1, 1):

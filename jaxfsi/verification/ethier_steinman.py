@@ -158,6 +158,6 @@ def decay_error(n: int, n_steps: int, solution: EthierSteinman, *, t_end: float)
     """Relative L₂ error of the velocity at t_end [s] with n elements a side and n_steps steps."""
     model = ethier_steinman_model(box_mesh(n), solution)
     dt = t_end / n_steps
-    stepper = prepare(dt, model, tolerance=1e-5, max_linear=100)
+    stepper = prepare(dt, model, tolerance=1e-5, max_iterations=100)
     end = march(model, ethier_steinman_state(0.0, dt, model, solution), stepper, n_steps)
     return float(velocity_error(end.state, model, solution))

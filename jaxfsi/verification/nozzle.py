@@ -169,7 +169,7 @@ def nozzle_flow(mesh: Mesh, *, dt: float, n_steps: int) -> NozzleFlow:
     """
     rise, last = n_steps // 4, n_steps // 10
     model = nozzle_model(mesh, Ramp(0.0, FLOW / (rise * dt)))
-    stepper = prepare(dt, model, rho_infinity=0.0, tolerance=1e-3, max_linear=200)
+    stepper = prepare(dt, model, rho_infinity=0.0, tolerance=1e-3, max_iterations=200)
     state = march(model, initial_state(model), stepper, rise).state
     model = nozzle_model(mesh, Constant(FLOW))
     before = march(model, state, stepper, n_steps - rise - last).state

@@ -29,7 +29,7 @@ from jaxfsi.verification.womersley import (
 )
 from lumped.waveforms import Sinusoid
 
-TOLERANCE, MAX_LINEAR = 1e-4, 60
+TOLERANCE, MAX_ITERATIONS = 1e-4, 60
 """Of the steps: their errors stay far below those of the mesh."""
 
 
@@ -191,7 +191,7 @@ def steady_errors(mesh: Mesh, problem: RigidTube, *, n_steps: int) -> FlowErrors
     """
     model = rigid_tube_model(mesh, problem)
     dt = 3.0 * problem.radius**2 * problem.rho / problem.mu / n_steps
-    stepper = prepare(dt, model, tolerance=TOLERANCE, max_linear=MAX_LINEAR)
+    stepper = prepare(dt, model, tolerance=TOLERANCE, max_iterations=MAX_ITERATIONS)
     end = march(model, developed_state(0.0, dt, model, problem), stepper, n_steps)
     return poiseuille_errors(middle_section(end.state, model, problem), problem)
 
@@ -206,7 +206,7 @@ def oscillating_errors(mesh: Mesh, problem: RigidTube, *, n_quarter: int) -> Flo
     """
     model = rigid_tube_model(mesh, problem)
     dt = problem.period / (4 * n_quarter)
-    stepper = prepare(dt, model, tolerance=TOLERANCE, max_linear=MAX_LINEAR)
+    stepper = prepare(dt, model, tolerance=TOLERANCE, max_iterations=MAX_ITERATIONS)
     state = developed_state(0.0, dt, model, problem)
     sections = []
     for _ in range(8):

@@ -11,8 +11,8 @@ from pydantic.dataclasses import dataclass
 
 from jaxfsi.nominal import (
     CHECKPOINT_EVERY,
-    MAX_GMRES,
     MAX_HALVINGS,
+    MAX_ITERATIONS,
     MAX_SYSTEMS,
     WALL_DENSITY,
 )
@@ -362,7 +362,7 @@ class SolverOptions:
             "number", "", 1.0, 1000.0, whole=True,
             text="3D: iterations of GMRES in a system at most",
         ),
-    ] = MAX_GMRES  # fmt: skip
+    ] = MAX_ITERATIONS  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -182,8 +182,8 @@ def gradient_stepper(case: Case, setup: Setup, *, tolerance: float | None = None
         setup.model,
         rho_infinity=case.solver.rho_infinity,
         tolerance=tolerance or case.solver.tolerance or _TOLERANCE,
-        max_linear=max(MOST_ITERATIONS, case.solver.max_iterations),
-        max_nonlinear=case.solver.max_systems,
+        max_iterations=max(MOST_ITERATIONS, case.solver.max_iterations),
+        max_systems=case.solver.max_systems,
     )
 
 

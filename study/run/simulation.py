@@ -47,8 +47,8 @@ def solver_choice(options: SolverOptions) -> SolverChoice:
     """How each step of a case is solved."""
     choice = SolverChoice(
         rho_infinity=options.rho_infinity,
-        max_linear=options.max_iterations,
-        max_nonlinear=options.max_systems,
+        max_iterations=options.max_iterations,
+        max_systems=options.max_systems,
     )
     if options.tolerance is None:
         return choice

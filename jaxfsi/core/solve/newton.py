@@ -251,7 +251,7 @@ def solve_step(
     round_off = ROUND_OFF * _forces(origin, step, scaling, stepper)
 
     def proceed(s: _Iterate):
-        return s.asks & (s.n_newton < stepper.max_nonlinear)
+        return s.asks & (s.n_newton < stepper.max_systems)
 
     def evaluate(s: _Iterate) -> _Iterate:
         y = unravel(s.y)
@@ -281,13 +281,13 @@ def solve_step(
                 product, _, M = linearised(y, model, here, stepper, kept)
             with jax.named_scope("linear_solve"):
                 inverse = partial(precondition, M)
-                dy, n = scaling.correction(product, inverse, r, goal, stepper.max_linear, along)
+                dy, n = scaling.correction(product, inverse, r, goal, stepper.max_iterations, along)
             return s.y - dy, goal, goal > tight, n
 
         def stay():
             return jnp.where(restart, starts[attempt], s.y), s.goal, s.loose, jnp.zeros((), int)
 
-        more = asks & ~restart & (n_newton < stepper.max_nonlinear)
+        more = asks & ~restart & (n_newton < stepper.max_systems)
         y, goal, loose, n = jax.lax.cond(more, correct, stay)
         n_gmres = s.n_gmres + n
         n_newton = n_newton - restart.astype(int)  # nothing was solved
@@ -353,7 +353,7 @@ def _(primals, tangents):
 
     def correction(product, inverse):
         def correct(r: Flat, goal: Float[Array, ""]) -> Flat:
-            return scaling.correction(product, inverse, r, goal, stepper.max_linear)[0]
+            return scaling.correction(product, inverse, r, goal, stepper.max_iterations)[0]
 
         return correct
 

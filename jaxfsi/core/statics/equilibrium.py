@@ -6,8 +6,8 @@
 
 over the deformed faces, with dead forces f. Newton's method with the tangent and GMRES,
 preconditioned by the wall's factor at the reference shape; the load is raised in steps. The
-derivative is that of the equilibrium (implicit function theorem); not a number where `max_linear`
-iterations do not solve its system.
+derivative is that of the equilibrium (implicit function theorem); not a number where its system is
+not solved in `max_iterations`.
 """
 
 from collections.abc import Callable
@@ -99,8 +99,8 @@ def equilibrium(
     *,
     n_load_steps: int = 1,
     tolerance: float = 1e-9,
-    max_newton: int = 12,
-    max_linear: int = 100,
+    max_systems: int = 12,
+    max_iterations: int = 100,
     reduction: float = REDUCTION,
     derivative: float = DERIVATIVE,
     start: Field | None = None,
@@ -114,8 +114,8 @@ def equilibrium(
         factor: see `static_factor`.
         n_load_steps: equal steps in which the load is raised.
         tolerance: forces out of balance over loads at which to stop.
-        max_newton: linear systems in each load step at most.
-        max_linear: iterations of GMRES at most.
+        max_systems: linear systems in each load step at most.
+        max_iterations: iterations of GMRES at most.
         reduction: to what part of its right-hand side a system of Newton's method is solved, or
             less far where the equilibrium asks for no more.
         derivative: to what part of its right-hand side a system of derivatives is solved.
@@ -128,7 +128,7 @@ def equilibrium(
     """
     if model.wall is None:
         raise ValueError(NO_WALL)
-    options = (n_load_steps, tolerance, max_newton, max_linear, reduction, derivative)
+    options = (n_load_steps, tolerance, max_systems, max_iterations, reduction, derivative)
     start = jnp.zeros_like(model.x) if start is None else start
     wall = model.without_ports()
     end = _equilibrium(wall, loads, factor, jax.lax.stop_gradient(start), options)
@@ -168,7 +168,7 @@ def small_equilibrium(
     *,
     tolerance: float = 1e-9,
     max_starts: int = 12,
-    max_linear: int = 100,
+    max_iterations: int = 100,
     throw: bool = True,
 ) -> Equilibrium:
     """Displacement of a wall of Hooke's law under dead forces: one linear system.
@@ -182,14 +182,14 @@ def small_equilibrium(
         factor: see `static_factor`.
         tolerance: forces out of balance over loads at which to stop.
         max_starts: how often GMRES begins at most.
-        max_linear: its iterations at most.
+        max_iterations: its iterations at most.
         throw: raise where no equilibrium is found; otherwise the result says so.
 
     Raises:
         RuntimeError: no equilibrium was found and `throw` is set.
     """
     wall = model.without_ports()
-    end = _small_equilibrium(wall, force, factor, (tolerance, max_starts, max_linear))
+    end = _small_equilibrium(wall, force, factor, (tolerance, max_starts, max_iterations))
     return _checked(end, throw)
 
 
@@ -240,7 +240,7 @@ def _restarted(
     options: tuple[float, int, int],
 ) -> tuple[KrylovSolution, Float[Array, " 3"]]:
     """GMRES begun anew from what it found, and numbers of starts, of iterations, the residual."""
-    tolerance, max_starts, max_linear = options
+    tolerance, max_starts, max_iterations = options
     goal = 0.9 * tolerance * jnp.linalg.norm(b)
 
     def proceed(s):
@@ -249,7 +249,9 @@ def _restarted(
 
     def correct(s):
         start, k, n, _ = s
-        found = fgmres(matvec, b, inverse, tolerance=goal, max_iterations=max_linear, along=start.x)
+        found = fgmres(
+            matvec, b, inverse, tolerance=goal, max_iterations=max_iterations, along=start.x
+        )
         return found, k + 1, n + found.n_iterations, found.n_iterations
 
     # A start evaluates what is left, and the last one finds that nothing is to be done; a part
@@ -298,7 +300,7 @@ class _Search(NamedTuple):
 
 @eqx.filter_jit
 def _equilibrium(model, loads, factor, start, options) -> Equilibrium:
-    n_load_steps, tolerance, max_newton, max_linear, reduction, derivative = options
+    n_load_steps, tolerance, max_systems, max_iterations, reduction, derivative = options
     factor = jax.lax.stop_gradient(factor)
     shape = wall_geometry(model.x, model.element)
     zero = jnp.zeros_like(model.x)
@@ -333,7 +335,7 @@ def _equilibrium(model, loads, factor, start, options) -> Equilibrium:
             b,
             inverse,
             tolerance=reduction * jnp.linalg.norm(b),
-            max_iterations=max_linear,
+            max_iterations=max_iterations,
         )
 
     def correction(d, r, scale, left):
@@ -352,7 +354,7 @@ def _equilibrium(model, loads, factor, start, options) -> Equilibrium:
             scale = scales[s.load]
             r = out_of_balance(s.d, scale)
             left = jnp.linalg.norm(r) / size
-            settled = ~(left > tolerance) | (s.k >= max_newton)
+            settled = ~(left > tolerance) | (s.k >= max_systems)
             none = KrylovSolution(jnp.zeros_like(r), jnp.zeros((), int), jnp.zeros(()))
             step = jax.lax.cond(settled, lambda: none, lambda: correction(s.d, r, scale, left))
             return _Search(

@@ -9,7 +9,7 @@ from jaxfsi.core.laws.mesh_motion import MeshMotion, mesh_motion
 from jaxfsi.core.solve.preconditioner import Preconditioner, preconditioner
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha, generalized_alpha
 from jaxfsi.core.step.model import Model
-from jaxfsi.nominal import MAX_GMRES, MAX_SYSTEMS
+from jaxfsi.nominal import MAX_ITERATIONS, MAX_SYSTEMS
 
 
 class Stepper(eqx.Module):
@@ -21,8 +21,8 @@ class Stepper(eqx.Module):
         preconditioner: of the linear systems.
         method: coefficients in time (static).
         tolerance: by how much the residual of the extrapolated state is reduced (static).
-        max_linear: iterations of GMRES at most (static).
-        max_nonlinear: linear systems a step at most (static).
+        max_iterations: iterations of GMRES at most (static).
+        max_systems: linear systems a step at most (static).
     """
 
     dt: Float[Array, ""]
@@ -30,8 +30,8 @@ class Stepper(eqx.Module):
     preconditioner: Preconditioner
     method: GeneralizedAlpha = eqx.field(static=True)
     tolerance: float = eqx.field(static=True)
-    max_linear: int = eqx.field(static=True)
-    max_nonlinear: int = eqx.field(static=True)
+    max_iterations: int = eqx.field(static=True)
+    max_systems: int = eqx.field(static=True)
 
 
 def prepare(
@@ -40,8 +40,8 @@ def prepare(
     *,
     rho_infinity: float = 0.5,
     tolerance: float = 1e-3,
-    max_linear: int = MAX_GMRES,
-    max_nonlinear: int = MAX_SYSTEMS,
+    max_iterations: int = MAX_ITERATIONS,
+    max_systems: int = MAX_SYSTEMS,
 ) -> Stepper:
     """Make the factors for steps of length dt [s]; the model's numbers must be concrete.
 
@@ -55,8 +55,8 @@ def prepare(
         rho_infinity: damping of the highest frequency, see `generalized_alpha`.
         tolerance: by how much the residual of the extrapolated state is reduced; ten times
             that may be left by coefficients of an earlier iterate (`newton.SLACK`).
-        max_linear: iterations of GMRES at most.
-        max_nonlinear: linear systems a step at most.
+        max_iterations: iterations of GMRES at most.
+        max_systems: linear systems a step at most.
 
     Raises:
         ValueError: dt or an option is out of range, or numbers of the model are traced.
@@ -81,6 +81,6 @@ def prepare(
         factors,
         method,
         tolerance,
-        max_linear,
-        max_nonlinear,
+        max_iterations,
+        max_systems,
     )

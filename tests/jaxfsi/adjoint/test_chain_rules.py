@@ -68,7 +68,7 @@ def test_derivatives_through_the_prestress_match_central_differences(imaged):
 
 def test_a_prestress_that_is_not_found_is_not_differentiated(imaged, monkeypatch):
     mesh, model = imaged
-    weak = partial(small_equilibrium, max_starts=1, max_linear=1)
+    weak = partial(small_equilibrium, max_starts=1, max_iterations=1)
     monkeypatch.setattr(prestress, "small_equilibrium", weak)
     with pytest.raises(RuntimeError, match=r"cannot be differentiated\. The wall was not brought"):
         through_prestress(weighed(model), model, mesh, P_IMAGE)

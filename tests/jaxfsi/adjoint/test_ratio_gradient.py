@@ -12,7 +12,7 @@ from jaxfsi.core.step.stepper import prepare
 from jaxfsi.verification.coupled_tube import coupled_mesh, coupled_model
 
 STEPS, CYCLE, CHUNK = 12, 8, 4
-TIGHT = {"tolerance": 1e-9, "max_linear": 100, "max_nonlinear": 10}
+TIGHT = {"tolerance": 1e-9, "max_iterations": 100, "max_systems": 10}
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -68,7 +68,7 @@ def test_step_solves_the_equations_with_the_coefficients_of_its_solution(model):
     # Blood that carries itself over half an element in a step: its coefficients change in it.
     start = initial_state(model)
     n_before = 20
-    stepper = prepare(DT, model, tolerance=1e-6, max_nonlinear=12, max_linear=200)
+    stepper = prepare(DT, model, tolerance=1e-6, max_systems=12, max_iterations=200)
     state = march(model, start, stepper, n_before).state
     fast = state._replace(u=30.0 * state.u, u_before=20.0 * state.u)
     end, report = advance_step(model, fast, stepper)
@@ -144,7 +144,7 @@ def test_last_attempt_ends_where_its_residual_is_beyond_the_limit(
     """A tight step takes some systems; below one, the extrapolated state itself is beyond."""
     monkeypatch.setattr(newton, "DIVERGED", limit)
     monkeypatch.setattr(newton, "LAST_ATTEMPT", 0)
-    stepper = prepare(DT, model, tolerance=1e-7, max_nonlinear=4)
+    stepper = prepare(DT, model, tolerance=1e-7, max_systems=4)
     _, report = advance_step(model, initial_state(model), stepper)
     assert int(report.n_newton) <= n_newton
     assert (report.result == RESULTS.not_converged) == (limit < 1.0)

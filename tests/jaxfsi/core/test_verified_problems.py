@@ -104,7 +104,7 @@ def test_wave_speed_in_an_elastic_tube(element):
 
 def test_derivatives_through_coupled_steps_are_those_of_differences():
     model = coupled_tube.coupled_model(coupled_tube.coupled_mesh())
-    stepper = prepare(1e-3, model, tolerance=1e-10, max_linear=120, max_nonlinear=8)
+    stepper = prepare(1e-3, model, tolerance=1e-10, max_iterations=120, max_systems=8)
     numbers = (jnp.asarray(value, float) for value in coupled_tube.TubeParameters())
     parameters = coupled_tube.TubeParameters(*numbers)
     problem = (model, initial_state(model), stepper, 50)

@@ -170,7 +170,7 @@ def test_the_resistance_of_a_stabilised_run_is_mended():
     problem = RigidTube(mean=1.0, length=4.0)
     mesh = round_tube(radius=0.5, length=4.0, n_around=12, n_axial=20, n_rings=2, grading=0.0)
     model, dt = rigid_tube_model(mesh, problem), 0.625
-    stepper = prepare(dt, model, tolerance=1e-4, max_linear=60)
+    stepper = prepare(dt, model, tolerance=1e-4, max_iterations=60)
     state = march(model, developed_state(0.0, dt, model, problem), stepper, 12).state
     middle = np.abs(np.mean(mesh.points[mesh.tets][:, :, 2], axis=1) - 2.0) < 0.5
     tets = jnp.asarray(mesh.tets[middle].T)

@@ -24,7 +24,7 @@ from lumped.units import MMHG
 from lumped.waveforms import Sinusoid
 
 MEAN = 10.0 * MMHG
-SOLVER = SolverChoice(max_linear=60)
+SOLVER = SolverChoice(max_iterations=60)
 
 
 def pulsed_tube(

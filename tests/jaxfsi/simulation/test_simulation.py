@@ -265,7 +265,7 @@ def test_failed_step_is_repeated_in_parts_and_grows_back(run, plain, monkeypatch
 
 
 def test_step_that_fails_at_every_length_is_reported_and_the_rest_is_kept(run, tmp_path, pulsed):
-    hard = dataclasses.replace(pulsed.SOLVER, max_linear=60, tolerance=1e-3)
+    hard = dataclasses.replace(pulsed.SOLVER, max_iterations=60, tolerance=1e-3)
     path = tmp_path / "c.npz"
     broken = simulation.advance_chunk
 

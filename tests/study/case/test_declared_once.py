@@ -85,8 +85,8 @@ def test_defaults_are_those_of_the_models_that_they_go_to():
         assert getattr(blood, name) == getattr(CarreauYasuda(), name), name
     solver = SolverOptions()
     assert solver.max_halvings == StepControl().max_halvings
-    assert solver.max_iterations == SolverChoice().max_linear
-    assert solver.max_systems == SolverChoice().max_nonlinear
+    assert solver.max_iterations == SolverChoice().max_iterations
+    assert solver.max_systems == SolverChoice().max_systems
     # this one a case declares otherwise; the text of its table says why
     assert (solver.rho_infinity, SolverChoice().rho_infinity) == (0.0, 0.5)
     assert "rho_infinity = 0.5" in (SolverOptions.__doc__ or "")

@@ -172,7 +172,7 @@ def pressed(mesh):
     def gap(stiffness, least):
         law = LeastGap(gap=least, stiffness=stiffness)
         changed = eqx.tree_at(lambda m: m.contact.law, model, law)
-        end = equilibrium(changed, loads, factor, n_load_steps=8, max_newton=30, tolerance=1e-8)
+        end = equilibrium(changed, loads, factor, n_load_steps=8, max_systems=30, tolerance=1e-8)
         return jnp.min(gaps(model.x + end.d, model.contact))
 
     return gap

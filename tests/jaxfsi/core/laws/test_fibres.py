@@ -175,8 +175,8 @@ def test_tube_with_fibres_under_pressure_follows_laplace(element):
         static_factor(model),
         n_load_steps=3,
         tolerance=1e-5,
-        max_newton=20,
-        max_linear=100,
+        max_systems=20,
+        max_iterations=100,
     )
     X, x = np.asarray(model.x), np.asarray(model.x + end.d)
     inner = np.isclose(np.hypot(X[0], X[1]), radius)

@@ -56,7 +56,7 @@ def test_a_ring_in_tissue_widens_as_lame_says(wall_element, scatter):
     k = 3e5
     mesh, model = _ring(wall_element, n_around=32, stiffness=k, n_layers=2)
     loads = Loads((pressure_load(mesh, INTERFACE, P, model),))
-    d = equilibrium(model, loads, static_factor(model), tolerance=1e-7, max_linear=200).d
+    d = equilibrium(model, loads, static_factor(model), tolerance=1e-7, max_iterations=200).d
     a, b, E, nu = 1.0, 1.1, 1e6, 0.3
 
     def outside(p, q):

@@ -35,7 +35,7 @@ def model():
 
 def _flow(model, n_steps, t_end=0.1):
     """Step by step, so that one program serves all numbers of steps."""
-    stepper = core.prepare(t_end / n_steps, model, tolerance=1e-6, max_linear=100)
+    stepper = core.prepare(t_end / n_steps, model, tolerance=1e-6, max_iterations=100)
     step, state, found = eqx.filter_jit(advance_step), core.initial_state(model, p=P_REF), []
     for _ in range(n_steps):
         state, report = step(model, state, stepper)

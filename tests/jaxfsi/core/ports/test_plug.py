@@ -33,7 +33,7 @@ def _area(model):
 
 
 def _books(model, mesh):
-    stepper = core.prepare(DT, model, tolerance=1e-6, max_linear=100)
+    stepper = core.prepare(DT, model, tolerance=1e-6, max_iterations=100)
     wall = jnp.asarray(mesh.labelled(INTERFACE).T)
     books = keep_books(model, core.initial_state(model), stepper, wall, N_STEPS)
     assert np.all(books.report.result == RESULTS.successful)

@@ -74,7 +74,7 @@ class Case:
         )
         outlet = PressurePort(Sinusoid(1000.0, 800.0, 0.02))
         self.model = build_model(self.mesh, {"inlet": port, "outlet": outlet})
-        self.stepper = prepare(DT, self.model, tolerance=1e-6, max_linear=100)
+        self.stepper = prepare(DT, self.model, tolerance=1e-6, max_iterations=100)
         self.start = initial_state(self.model, p=1000.0)
         self.step = eqx.filter_jit(advance_step)
 
@@ -244,7 +244,7 @@ def test_gradient_of_a_march_is_that_of_differences(case):
 
     arguments = (case.model, case.start, case.stepper)
     gradient = eqx.filter_jit(jax.grad(result))(values, *arguments)
-    stepper = dataclasses.replace(case.stepper, tolerance=1e-11, max_nonlinear=20)
+    stepper = dataclasses.replace(case.stepper, tolerance=1e-11, max_systems=20)
     differences = []
     for i, value in enumerate(values):
         step = 1e-3 * (abs(float(value)) or 1.0)

@@ -146,7 +146,7 @@ def test_a_wall_alone_marches_without_ports(vessel):
 
 def test_failure_is_reported_with_a_cure(vessel):
     model, loads, factor = vessel
-    options = {"max_newton": 1, "tolerance": 1e-11}
+    options = {"max_systems": 1, "tolerance": 1e-11}
     end = equilibrium(model, loads, factor, throw=False, **options)
     assert end.result == RESULTS.not_converged
     with pytest.raises(RuntimeError, match="more steps"):
@@ -157,9 +157,11 @@ def test_failure_is_reported_with_a_cure(vessel):
 def test_derivatives_that_were_not_solved_for_are_no_numbers(vessel):
     model, loads, factor = vessel
 
-    def widened(E, max_linear):
+    def widened(E, max_iterations):
         softer = eqx.tree_at(lambda m: m.wall.material.E, model, E)
-        return jnp.sum(equilibrium(softer, loads, factor, max_linear=max_linear, max_newton=60).d)
+        return jnp.sum(
+            equilibrium(softer, loads, factor, max_iterations=max_iterations, max_systems=60).d
+        )
 
     value, slope = jax.value_and_grad(widened)(jnp.asarray(3e6), 4)
     assert jnp.isfinite(value)
@@ -171,10 +173,10 @@ def test_derivatives_of_one_linear_system_that_was_not_solved_are_no_numbers(ves
     hooke = eqx.tree_at(lambda m: m.wall.material, model, LinearElastic(3e6, 0.49))
     force = load_forces(loads, jnp.zeros_like(model.x), model)
 
-    def widened(scale, max_linear):
+    def widened(scale, max_iterations):
         # the factor is that of the wall; the law is stiffer, and so is the tissue outside
         stiffer = eqx.tree_at(lambda m: m.wall.support_stiffness, hooke, 1e7 * scale)
-        options = {"max_starts": 1, "max_linear": max_linear, "throw": False}
+        options = {"max_starts": 1, "max_iterations": max_iterations, "throw": False}
         return jnp.sum(small_equilibrium(stiffer, scale * force, factor, **options).d)
 
     value, slope = jax.value_and_grad(widened)(jnp.asarray(1.0), 2)

@@ -185,4 +185,4 @@ def test_a_few_iterations_solve_the_wall(problem):
             max_iterations=40,
         )
     )(b.ravel())
-    assert int(found.n_iterations) <= 16  # 12 at ν = 0.3, 14 at 0.45
+    assert int(found.n_iterations) <= 18  # 15 at ν = 0.3, 17 at 0.45; 8 where it bends

@@ -24,7 +24,7 @@ import numpy as np
 from jax.lax import Precision
 from jaxtyping import Array, Float, Int
 
-from jaxfsi.core.elements.linear import area_vectors
+from jaxfsi.core.elements.linear import area_vectors, face_load
 from jaxfsi.core.ports.port import AbstractTractionPort
 from jaxfsi.core.solve.nested_factor import NestedFactor, nested_solve_once
 from jaxfsi.core.solve.step_blocks import StepBlocks
@@ -79,10 +79,8 @@ def port_coupling(
         if isinstance(port, AbstractTractionPort) and port.depends_on_flow
     )
     area = np.zeros((len(ports), model.n_nodes, 3))
-    for k, i in enumerate(ports):
-        third = np.asarray(area_vectors(model.x, model.port_faces[i])).T / 3.0
-        for corner in np.asarray(model.port_faces[i]):
-            np.add.at(area[k], corner, third)
+    for k, faces in enumerate(model.port_faces[i] for i in ports):
+        area[k] = np.asarray(face_load(area_vectors(model.x, faces), faces, model.n_nodes)).T
     area[:, ~np.any(yielding, axis=1)] = 0.0
     nodes = np.flatnonzero(np.any(area, axis=(0, 2)))
     if not len(nodes):

@@ -24,8 +24,8 @@ MAX_HALVINGS = 4
 MAX_ITERATIONS = 60
 """Iterations of GMRES in a linear system at most."""
 
-MAX_SYSTEMS = 10
-"""Linear systems in a step at most. A step that crosses ten elements in a narrow takes seven."""
+MAX_SYSTEMS = 16
+"""Linear systems in a step at most. A step in which a slit snaps shut takes up to twelve."""
 
 CHECKPOINT_EVERY = 100
 """Whole steps between two checkpoints."""

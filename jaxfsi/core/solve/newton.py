@@ -28,6 +28,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxfsi.core.solve.blood_tangent import blood_diagonal
 from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
+from jaxfsi.core.solve.line_search import LEAST_SHARE, Trial, first_trial, shortened
 from jaxfsi.core.solve.preconditioner import precondition, precondition_transposed, with_blood
 from jaxfsi.core.solve.tangent import (
     apply_elements,
@@ -50,8 +51,7 @@ SLACK = 10.0
 """A nonlinear residual of at most SLACK × tolerance is accepted without linearising again."""
 
 DIVERGED = 2.0
-"""A residual of that multiple of the one before ends an attempt, one of that multiple of the
-extrapolated state's the last attempt and the step."""
+"""A residual of that multiple of the extrapolated state's ends the last attempt and the step."""
 
 LAST_ATTEMPT = 2
 """Number of the last attempt at a step, the first being 0; see `solve_step`."""
@@ -181,24 +181,22 @@ class _Iterate(NamedTuple):
     """State of Newton's method.
 
     Attributes:
-        y: iterate after the last correction.
+        trial: what is tried next.
         attempt: which of the attempts this is, see `solve_step`.
-        norm: weighted residual before it.
+        hard: whether a correction made the residual grow.
+        norm: weighted residual of the last trial.
         first: that of the extrapolated state.
-        goal: relative tolerance of the last linear system.
-        loose: whether that was looser than what the step asks for.
         remainder: see `Start`.
         asks: whether the residual asked for a correction.
         n_newton: corrections so far; -1 before the first residual.
         n_gmres: iterations of GMRES so far.
     """
 
-    y: Flat
+    trial: Trial
     attempt: Int[Array, ""]
+    hard: Bool[Array, ""]
     norm: Float[Array, ""]
     first: Float[Array, ""]
-    goal: Float[Array, ""]
-    loose: Bool[Array, ""]
     remainder: Float[Array, ""]
     asks: Bool[Array, ""]
     n_newton: Int[Array, ""]
@@ -228,10 +226,13 @@ def solve_step(
     to half of the share only. The share is known from the step before (Eisenstat & Walker 1996,
     SIAM J. Sci. Comput. 17:16, choice 1).
 
-    Where a correction makes the residual grow, there are two more attempts. The second starts from
-    the velocity and pressure of the step before: where a vortex is born at the mouth of a slit,
-    extrapolation doubles what is wrong. The third holds the coefficients of each correction, as at
-    a sudden start, where the extrapolated strong residual means nothing.
+    Where a correction makes the residual grow, a share of it is taken (`line_search`): in a slit
+    that snaps shut, a whole one throws the vortex at its mouth far beyond the solution. From then
+    on the linear systems are solved as far as the last correction reduced the residual, squared
+    (choice 2). Where a tenth is still too much, there are two more attempts. The second starts from
+    the velocity and pressure of the step before: where a vortex is born, extrapolation doubles what
+    is wrong. The third holds the coefficients of each correction, as at a sudden start, where the
+    extrapolated strong residual means nothing.
 
     Args:
         guess: linear extrapolation, by whose residual convergence is judged.
@@ -254,7 +255,7 @@ def solve_step(
         return s.asks & (s.n_newton < stepper.max_systems)
 
     def evaluate(s: _Iterate) -> _Iterate:
-        y = unravel(s.y)
+        trial, y = s.trial, unravel(s.trial.y)
         here = relinearised(y, model, step, stepper.method)
         r = ravel_pytree(residual(y, model, here, stepper.method))[0]
         norm = scaling.norm(r)
@@ -263,40 +264,53 @@ def solve_step(
         first = jnp.where(n_newton == 0, jnp.maximum(norm, floor), s.first)
         allowed = stepper.tolerance * first
         # a system solved loosely hides what it leaves below its own goal
-        least = jnp.where(s.loose, 0.5 * s.remainder, 0.0)
-        left = jnp.maximum(norm / s.norm - s.goal, least)
+        least = jnp.where(trial.loose, 0.5 * s.remainder, 0.0)
+        left = jnp.maximum(norm / trial.norm - trial.goal, least)
         remainder = jnp.where((n_newton == 1) & (s.attempt == 0), left, s.remainder)
-        asks = norm > jnp.where(s.loose, LINEAR_SHARE, SLACK) * allowed
-        grows = (n_newton > 0) & (norm > DIVERGED * s.norm)
-        restart = asks & grows & (s.attempt < LAST_ATTEMPT)
+        asks = norm > jnp.where(trial.loose, LINEAR_SHARE, SLACK) * allowed
+        restart = asks & (trial.share <= LEAST_SHARE) & (s.attempt < LAST_ATTEMPT)
+        shorten = asks & (norm >= trial.norm) & (s.attempt < LAST_ATTEMPT) & ~restart
         attempt = s.attempt + restart.astype(int)
+        hard = s.hard | shorten | restart
         asks &= (s.attempt < LAST_ATTEMPT) | (norm <= DIVERGED * first)
+        n_newton -= (shorten | restart).astype(int)  # nothing was solved
 
         def correct():
             tight = jnp.maximum(LINEAR_SHARE * allowed / norm, LEAST_REDUCTION)
             again = (n_newton == 0) & (remainder * norm > SLACK * allowed)
             goal = jnp.where(again, jnp.clip(0.5 * remainder, tight, LOOSEST), tight)
+            fall = jnp.where(jnp.isinf(trial.norm), 1.0, norm / trial.norm)
+            goal = jnp.where(hard, jnp.clip(fall**2, tight, LOOSEST), goal)
             kept = jnp.where(attempt < LAST_ATTEMPT, 1.0, 0.0)
             with jax.named_scope("tangent"):
                 product, _, M = linearised(y, model, here, stepper, kept)
             with jax.named_scope("linear_solve"):
                 inverse = partial(precondition, M)
                 dy, n = scaling.correction(product, inverse, r, goal, stepper.max_iterations, along)
-            return s.y - dy, goal, goal > tight, n
+            return Trial(trial.y - dy, trial.y, r, norm, jnp.ones(()), goal, goal > tight), n
 
         def stay():
-            return jnp.where(restart, starts[attempt], s.y), s.goal, s.loose, jnp.zeros((), int)
+            chosen = jax.lax.switch(
+                2 * restart.astype(int) + shorten.astype(int),
+                [
+                    lambda: trial,
+                    lambda: shortened(trial, r, scaling.weight),
+                    lambda: first_trial(starts[attempt]),
+                ],
+            )
+            return chosen, jnp.zeros((), int)
 
-        more = asks & ~restart & (n_newton < stepper.max_systems)
-        y, goal, loose, n = jax.lax.cond(more, correct, stay)
+        more = asks & ~restart & ~shorten & (n_newton < stepper.max_systems)
+        trial, n = jax.lax.cond(more, correct, stay)
         n_gmres = s.n_gmres + n
-        n_newton = n_newton - restart.astype(int)  # nothing was solved
-        return _Iterate(y, attempt, norm, first, goal, loose, remainder, asks, n_newton, n_gmres)
+        return _Iterate(trial, attempt, hard, norm, first, remainder, asks, n_newton, n_gmres)
 
-    zero, one, no = jnp.zeros((), int), jnp.ones(()), jnp.asarray(False)
-    begun = _Iterate(origin, zero, one, one, 0.0 * one, no, start.remainder, ~no, zero - 1, zero)
+    zero, one, yes = jnp.zeros((), int), jnp.ones(()), jnp.asarray(True)
+    begun = _Iterate(
+        first_trial(origin), zero, ~yes, one, one, start.remainder, yes, zero - 1, zero
+    )
     end = jax.lax.while_loop(proceed, evaluate, begun)
-    y = unravel(end.y)
+    y = unravel(end.trial.y)
     told = Start(y.u - guess.u, y.p - guess.p, end.remainder)
     remainder = end.norm / jnp.where(end.first > 0.0, end.first, 1.0)
     return y, told, Convergence(end.n_gmres, end.n_newton, remainder)

@@ -176,6 +176,28 @@ def test_step_starts_anew_where_corrections_make_its_residual_grow(monkeypatch, 
     assert float(jnp.linalg.norm(found.u - right.u)) < 0.01 * change
 
 
+def test_correction_that_is_too_long_is_shortened(monkeypatch, model, stepper):
+    """With a derivative that is a fifth of the true one, in the first attempt."""
+    state = march(model, initial_state(model), stepper, 2).state
+    right, report = advance_step(model, state, stepper)
+    attempts = []
+
+    def weak(y, model, step, stepper, kept=1.0):
+        product, transposed, M = linearised(y, model, step, stepper, kept)
+        jax.debug.callback(lambda kept: attempts.append(float(kept)), kept)
+        return lambda v: jnp.float32(0.2) * product(v), transposed, M
+
+    linearised = newton.linearised
+    monkeypatch.setattr(newton, "linearised", weak)
+    found, slow = advance_step(model, state, stepper)
+    assert slow.result == RESULTS.successful
+    jax.effects_barrier()
+    assert set(attempts) == {1.0}
+    assert int(report.n_newton) <= len(attempts) == int(slow.n_newton)
+    change = float(jnp.linalg.norm(right.u - state.u))
+    assert float(jnp.linalg.norm(found.u - right.u)) < 0.01 * change
+
+
 def test_march_raises_with_the_step_and_the_cure(model, stepper):
     wild = with_parameters(model, TubeParameters(amplitude=1e6))
     with pytest.raises(RuntimeError, match=r"Step \d of 4 failed at t = .* Take a smaller dt"):

@@ -14,7 +14,7 @@ import pathlib
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from jaxfsi.anatomy import Anatomy, centerline_point
 from jaxfsi.anatomy.sections import measured_section, plane_axes, surface_ring
@@ -23,6 +23,7 @@ from jaxfsi.fields.lumen_sections import Planes
 from jaxfsi.fields.series import Entry
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.opening import ANOMALOUS
+from jaxfsi.polygons import inside_polygon
 
 PLACES, MOST_FRAMES = 40, 21
 _NEAR = 24
@@ -105,7 +106,7 @@ def section_values(
     area = 0.5 * np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    inside = _within((corners.mean(axis=1) - centre) @ across, outline)
+    inside = inside_polygon((corners.mean(axis=1) - centre) @ across, outline)
     total = float(area[inside].sum())
     if total <= 0.0:
         raise ValueError("the plane cuts no blood within the lumen. Move its centre inside.")
@@ -142,17 +143,6 @@ def _cut(
         field = values[ends[:, 0]] + share * (values[ends[:, 1]] - values[ends[:, 0]])
         pieces.append((where.transpose(1, 0, 2), field.T))
     return np.concatenate([p for p, _ in pieces]), np.concatenate([f for _, f in pieces])
-
-
-def _within(
-    points: Float[np.ndarray, "n 2"], outline: Float[np.ndarray, "corners 2"]
-) -> Bool[np.ndarray, " n"]:
-    """Which points lie in a polygon: a ray from them crosses its sides an odd number of times."""
-    p, q = outline, np.roll(outline, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    spans = (p[:, 1] > y) != (q[:, 1] > y)
-    slope = np.where(spans, (q[:, 0] - p[:, 0]) / np.where(spans, q[:, 1] - p[:, 1], 1.0), 0.0)
-    return (spans & (x < p[:, 0] + slope * (y - p[:, 1]))).sum(axis=1) % 2 == 1
 
 
 def artery_profile(

@@ -10,7 +10,6 @@ ends the motion.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from jaxfsi.core.laws.contact import LeastGap
 from jaxfsi.core.laws.materials import SaintVenantKirchhoff
@@ -21,6 +20,7 @@ from jaxfsi.core.step.state import State
 from jaxfsi.mesh import INTERFACE, Mesh, Region
 from jaxfsi.meshing import elliptic, tube
 from jaxfsi.meshing.check.tet_quality import tet_quality
+from jaxfsi.polygons import polygon_areas
 from lumped.units import MMHG
 from lumped.waveforms import Ramp
 
@@ -90,14 +90,9 @@ def slit_shape(mesh: Mesh, state: State) -> SlitShape:
     ring = ring[np.argsort(np.arctan2(y * WIDTH, x * HEIGHT))]
     flat = np.abs(mesh.points[ring, 0]) < 1e-9
     tets = mesh.tets_of(Region.FLUID)
+    area, area_at_rest = polygon_areas(np.stack([moved[ring, :2], mesh.points[ring, :2]]))
     return SlitShape(
-        _area(moved[ring]) / _area(mesh.points[ring]),
+        float(area / area_at_rest),
         float(np.ptp(moved[ring][flat, 1])),
         float(np.min(tet_quality(moved, tets).scaled_jacobian)),
     )
-
-
-def _area(ring: Float[np.ndarray, "nodes 3"]) -> float:
-    """Area of a polygon across z [cm²]."""
-    x, y = ring[:, :2].T
-    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2.0

@@ -48,12 +48,12 @@ PACKAGES = ("lumped", "jaxfsi", "calibration", "diagnosis", "study")
 PARTS: dict[str, tuple[str, ...]] = {
     "anatomy": (
         "jaxfsi/anatomy/*", "jaxfsi/contours.py", "jaxfsi/faces.py", "jaxfsi/lumen.py",
-        "jaxfsi/measures.py", "jaxfsi/opening.py", "jaxfsi/text_files.py",
+        "jaxfsi/measures.py", "jaxfsi/opening.py", "jaxfsi/polygons.py", "jaxfsi/text_files.py",
         "study/run/anatomy_source.py",
     ),
     "meshing": (
         "jaxfsi/measures.py", "jaxfsi/mesh.py", "jaxfsi/mesh_checks.py", "jaxfsi/mesh_files/*",
-        "jaxfsi/mesh_parts.py", "jaxfsi/meshing/*", "study/run/mesh.py",
+        "jaxfsi/mesh_parts.py", "jaxfsi/meshing/*", "jaxfsi/polygons.py", "study/run/mesh.py",
     ),
     "mesh report": (
         "study/run/limits.py", "study/run/mesh.py", "study/run/mesh_pictures.py",
@@ -65,7 +65,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         "study/run/patient.py", "study/report/readings.py",
     ),
     "march": (
-        "jaxfsi/core/*", "jaxfsi/fields/*", "jaxfsi/nominal.py", "jaxfsi/simulation/*",
+        "jaxfsi/core/*", "jaxfsi/fields/*", "jaxfsi/nominal.py", "jaxfsi/polygons.py",
+        "jaxfsi/simulation/*",
         "study/run/driven_beat.py", "study/run/case_model.py", "study/run/fitted_ramp.py",
         "study/run/run_3d.py", "study/run/ramp.py", "study/run/run_context.py",
         "study/run/setup.py", "study/run/shared_step.py", "study/run/simulation.py",
@@ -73,7 +74,8 @@ PARTS: dict[str, tuple[str, ...]] = {
         "study/run/study_choice.py", "study/run/study_parts.py",
     ),
     "reading": (
-        "jaxfsi/fields/*", "jaxfsi/opening.py", "jaxfsi/simulation/cycles.py",
+        "jaxfsi/fields/*", "jaxfsi/opening.py", "jaxfsi/polygons.py",
+        "jaxfsi/simulation/cycles.py",
         "study/run/driven_beat.py", "study/run/fitted_ramp.py", "study/run/lumen_collapse.py",
         "study/run/lumen_parts.py",
         "study/run/ramp.py", "study/run/ramp_losses.py", "study/run/study_choice.py",

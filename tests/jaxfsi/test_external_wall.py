@@ -7,8 +7,8 @@ import pytest
 
 from jaxfsi.anatomy import ivus_anatomy
 from jaxfsi.anatomy.sources.external_wall import outline_distances, read_external_wall
-from jaxfsi.anatomy.sources.pullback import polygon_areas
 from jaxfsi.contours import read_frames
+from jaxfsi.polygons import polygon_areas
 from study import read_case
 from study.case.demo import demo_case_path
 from study.run.anatomy_source import case_anatomy

@@ -16,7 +16,7 @@ from jaxfsi.anatomy import (
     read_centerline,
     read_pullback,
 )
-from jaxfsi.anatomy.sources.pullback import polygon_areas
+from jaxfsi.polygons import polygon_areas
 from study import demo_case_path
 
 BUNDLED = demo_case_path().parent

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxfsi.contours import read_frames
+from jaxfsi.polygons import inside_polygon
 from lumped.units import MM
 
 FEWEST_FRAMES = 3
@@ -70,12 +71,7 @@ def outline_distances(
     length = np.maximum(np.sum(way**2, axis=1), 1e-30)
     share = np.clip(np.sum(offset * way, axis=2) / length, 0.0, 1.0)
     distance = np.linalg.norm(offset - share[..., None] * way, axis=2).min(axis=1)
-    p, q = membrane, np.roll(membrane, -1, axis=0)
-    x, y = lumen[:, :1], lumen[:, 1:]
-    spans = (p[:, 1] > y) != (q[:, 1] > y)
-    slope = (q[:, 0] - p[:, 0]) / np.where(spans, q[:, 1] - p[:, 1], 1.0)
-    inside = (spans & (x < p[:, 0] + slope * (y - p[:, 1]))).sum(axis=1) % 2 == 1
-    return np.where(inside, distance, -distance)
+    return np.where(inside_polygon(lumen, membrane), distance, -distance)
 
 
 def read_external_wall(

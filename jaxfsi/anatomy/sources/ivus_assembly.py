@@ -19,10 +19,11 @@ from jaxfsi.anatomy.sources.ct_course import AortaFit
 from jaxfsi.anatomy.sources.ivus_coronary import outlet_radius
 from jaxfsi.anatomy.sources.ivus_options import IvusOptions
 from jaxfsi.anatomy.sources.normal_branch import NormalBranch
-from jaxfsi.anatomy.sources.pullback import Pullback, polygon_areas
+from jaxfsi.anatomy.sources.pullback import Pullback
 from jaxfsi.anatomy.sources.septum_course import CoronaryCourse
 from jaxfsi.anatomy.vessels import VesselTube, local_half_width, lumen_function
 from jaxfsi.anatomy.wall import requested_thickness, wall_function
+from jaxfsi.polygons import polygon_areas
 
 _LINE_SPACING = 0.0125  # of the points of centre lines [cm]
 _LENGTHENING = 0.1  # step by which the aorta is lengthened [cm]

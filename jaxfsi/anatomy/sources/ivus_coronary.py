@@ -7,9 +7,10 @@ from jaxfsi.anatomy.anatomy import OPENING_BALL
 from jaxfsi.anatomy.curves.loft import eccentric_sections, lofted
 from jaxfsi.anatomy.implicit import tube
 from jaxfsi.anatomy.sources.ivus_options import IvusOptions
-from jaxfsi.anatomy.sources.pullback import Pullback, polygon_areas
+from jaxfsi.anatomy.sources.pullback import Pullback
 from jaxfsi.anatomy.sources.septum_course import CoronaryCourse, shifted
 from jaxfsi.anatomy.vessels import VesselTube
+from jaxfsi.polygons import polygon_areas
 
 _N_ANGLES = 96
 _LEAST_BLEND = 0.01

@@ -21,6 +21,7 @@ from jaxtyping import Float, Int
 from jaxfsi.anatomy.sources.external_wall import ExternalWall, read_external_wall
 from jaxfsi.contours import read_frames, read_ivus_contours
 from jaxfsi.lumen import Lumen
+from jaxfsi.polygons import polygon_centroids
 from jaxfsi.text_files import read_separated, read_table
 from lumped.units import MM
 
@@ -110,28 +111,6 @@ def read_pullback(
     sections = np.stack([u, v], axis=2)[:, ::-1]
     wall = None if external is None else read_external_wall(contours, external, numbers)
     return Pullback(np.asarray(lumen.s), sections, septum, reference is not None, wall)
-
-
-def polygon_centroids(
-    polygons: Float[np.ndarray, "frames points 2"],
-) -> Float[np.ndarray, "frames 2"]:
-    """Centroid of the area of each closed polygon [cm]."""
-    origin = polygons[:, :1]
-    points = polygons - origin
-    following = np.roll(points, -1, axis=1)
-    cross = points[..., 0] * following[..., 1] - points[..., 1] * following[..., 0]
-    weighted = np.sum((points + following) * cross[..., None], axis=1)
-    return origin[:, 0] + weighted / (3.0 * np.sum(cross, axis=1))[:, None]
-
-
-def polygon_areas(
-    polygons: Float[np.ndarray, "frames points 2"],
-) -> Float[np.ndarray, " frames"]:
-    """Signed area of each closed polygon [cm²], positive where it runs anticlockwise."""
-    points = polygons - polygons[:, :1]
-    following = np.roll(points, -1, axis=1)
-    cross = points[..., 0] * following[..., 1] - points[..., 1] * following[..., 0]
-    return np.sum(cross, axis=1) / 2.0
 
 
 def _aortic_directions(

@@ -25,7 +25,7 @@ _SHARES = tuple(np.geomspace(0.04, 0.7, 32))
 Flat = Float[Array, " unknowns"]
 
 
-class Trial(NamedTuple):
+class NewtonTrial(NamedTuple):
     """An iterate, and the correction that led to it.
 
     Attributes:
@@ -47,13 +47,13 @@ class Trial(NamedTuple):
     loose: Bool[Array, ""]
 
 
-def first_trial(y: Flat) -> Trial:
+def first_trial(y: Flat) -> NewtonTrial:
     """An iterate that no correction led to."""
     one = jnp.ones(())
-    return Trial(y, y, jnp.zeros_like(y), jnp.inf * one, one, 0.0 * one, jnp.asarray(False))
+    return NewtonTrial(y, y, jnp.zeros_like(y), jnp.inf * one, one, 0.0 * one, jnp.asarray(False))
 
 
-def shortened(trial: Trial, r: Flat, weight: Flat) -> Trial:
+def shortened(trial: NewtonTrial, r: Flat, weight: Flat) -> NewtonTrial:
     """A trial with a smaller share of the same correction.
 
     Args:

@@ -28,7 +28,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxfsi.core.solve.blood_tangent import blood_diagonal
 from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
-from jaxfsi.core.solve.line_search import LEAST_SHARE, Trial, first_trial, shortened
+from jaxfsi.core.solve.line_search import LEAST_SHARE, NewtonTrial, first_trial, shortened
 from jaxfsi.core.solve.preconditioner import precondition, precondition_transposed, with_blood
 from jaxfsi.core.solve.tangent import (
     apply_elements,
@@ -192,7 +192,7 @@ class _Iterate(NamedTuple):
         n_gmres: iterations of GMRES so far.
     """
 
-    trial: Trial
+    trial: NewtonTrial
     attempt: Int[Array, ""]
     hard: Bool[Array, ""]
     norm: Float[Array, ""]
@@ -211,6 +211,29 @@ def _forces(origin: Flat, step: Step, scaling: _Scaling, stepper: Stepper) -> Fl
     w_d = stepper.method.weights(step.dt)[2]
     strain = step.state.d / w_d / stepper.preconditioner.velocity_scale
     return euclidean_norm(origin / scaling.weight) + euclidean_norm(strain.reshape(-1))
+
+
+def _goals(
+    norm: Float[Array, ""],
+    allowed: Float[Array, ""],
+    remainder: Float[Array, ""],
+    trial: NewtonTrial,
+    begins: Bool[Array, ""],
+    hard: Bool[Array, ""],
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """What a step asks of a linear system, and the tolerance that it gets; see `solve_step`."""
+    tight = jnp.maximum(LINEAR_SHARE * allowed / norm, LEAST_REDUCTION)
+    again = begins & (remainder * norm > SLACK * allowed)
+    fall = jnp.where(jnp.isinf(trial.norm), 1.0, norm / trial.norm)
+    wanted = jnp.where(hard, fall**2, jnp.where(again, 0.5 * remainder, tight))
+    return tight, jnp.clip(wanted, tight, jnp.maximum(tight, LOOSEST))
+
+
+def _starts(guess: Unknowns, model: Model, step: Step) -> Float[Array, "attempts unknowns"]:
+    """Where each attempt at a step starts."""
+    origin = ravel_pytree(guess)[0]
+    u_before = jnp.where(model.prescribed, guess.u, step.state.u)
+    return jnp.stack([origin, ravel_pytree((u_before, step.state.p))[0], origin])
 
 
 def solve_step(
@@ -245,9 +268,7 @@ def solve_step(
         The solution, what it tells the next step, and how the solve went.
     """
     scaling = _scaling(model, stepper)
-    origin, unravel = ravel_pytree(guess)
-    u_before = jnp.where(model.prescribed, guess.u, step.state.u)
-    starts = jnp.stack([origin, ravel_pytree((u_before, step.state.p))[0], origin])
+    starts, (origin, unravel) = _starts(guess, model, step), ravel_pytree(guess)
     along = jnp.where(scaling.prescribed, 0.0, ravel_pytree((start.u, start.p))[0])
     round_off = ROUND_OFF * _forces(origin, step, scaling, stepper)
 
@@ -276,40 +297,27 @@ def solve_step(
         n_newton -= (shorten | restart).astype(int)  # nothing was solved
 
         def correct():
-            tight = jnp.maximum(LINEAR_SHARE * allowed / norm, LEAST_REDUCTION)
-            again = (n_newton == 0) & (remainder * norm > SLACK * allowed)
-            goal = jnp.where(again, jnp.clip(0.5 * remainder, tight, LOOSEST), tight)
-            fall = jnp.where(jnp.isinf(trial.norm), 1.0, norm / trial.norm)
-            goal = jnp.where(hard, jnp.clip(fall**2, tight, LOOSEST), goal)
+            tight, goal = _goals(norm, allowed, remainder, trial, n_newton == 0, hard)
             kept = jnp.where(attempt < LAST_ATTEMPT, 1.0, 0.0)
             with jax.named_scope("tangent"):
                 product, _, M = linearised(y, model, here, stepper, kept)
             with jax.named_scope("linear_solve"):
                 inverse = partial(precondition, M)
                 dy, n = scaling.correction(product, inverse, r, goal, stepper.max_iterations, along)
-            return Trial(trial.y - dy, trial.y, r, norm, jnp.ones(()), goal, goal > tight), n
+            return NewtonTrial(trial.y - dy, trial.y, r, norm, jnp.ones(()), goal, goal > tight), n
 
         def stay():
-            chosen = jax.lax.switch(
-                2 * restart.astype(int) + shorten.astype(int),
-                [
-                    lambda: trial,
-                    lambda: shortened(trial, r, scaling.weight),
-                    lambda: first_trial(starts[attempt]),
-                ],
-            )
-            return chosen, jnp.zeros((), int)
+            other = first_trial(starts[attempt])
+            chosen = jax.lax.cond(shorten, shortened, lambda t, _, __: t, trial, r, scaling.weight)
+            return jax.tree.map(partial(jnp.where, restart), other, chosen), jnp.zeros((), int)
 
         more = asks & ~restart & ~shorten & (n_newton < stepper.max_systems)
         trial, n = jax.lax.cond(more, correct, stay)
-        n_gmres = s.n_gmres + n
-        return _Iterate(trial, attempt, hard, norm, first, remainder, asks, n_newton, n_gmres)
+        return _Iterate(trial, attempt, hard, norm, first, remainder, asks, n_newton, s.n_gmres + n)
 
     zero, one, yes = jnp.zeros((), int), jnp.ones(()), jnp.asarray(True)
-    begun = _Iterate(
-        first_trial(origin), zero, ~yes, one, one, start.remainder, yes, zero - 1, zero
-    )
-    end = jax.lax.while_loop(proceed, evaluate, begun)
+    begun = first_trial(origin), zero, ~yes, one, one, start.remainder, yes, zero - 1, zero
+    end = jax.lax.while_loop(proceed, evaluate, _Iterate(*begun))
     y = unravel(end.trial.y)
     told = Start(y.u - guess.u, y.p - guess.p, end.remainder)
     remainder = end.norm / jnp.where(end.first > 0.0, end.first, 1.0)

@@ -8,12 +8,13 @@ are dropped; every border edge must be there.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from scipy.spatial import Delaunay, KDTree
 
 from jaxfsi.meshing.isolate import MeshingError
 from jaxfsi.meshing.surface.sizes import SizeField, size_at
 from jaxfsi.opening import Opening
+from jaxfsi.polygons import inside_polygon
 
 # Points of a plane; several sets of them, of any length each, meet in one signature.
 Plane = Float[np.ndarray, "_ 2"]
@@ -79,7 +80,7 @@ def annulus(
     """
     frame = _frame(opening)
     borders = [(loop - opening.centre) @ frame.T for loop in (inner, outer)]
-    if not np.all(_inside(borders[1], borders[0])):
+    if not np.all(inside_polygon(borders[0], borders[1])):
         raise MeshingError(
             f"the lumen leaves the wall at opening {opening.name!r}. Give the wall more thickness"
             " there, or move the opening."
@@ -114,7 +115,7 @@ def _graded_lattice(border: Plane, size) -> Plane:
     steps = max(int(np.ceil(np.log(max(largest / smallest, 1.0)) / np.log(1.4))), 0)
     for spacing in np.maximum(largest * 1.4 ** -np.arange(steps + 1), smallest):
         points = _hexagons(low, high, float(spacing))
-        points = points[_inside(border, points)]
+        points = points[inside_polygon(points, border)]
         wanted = size(points) if len(points) else np.zeros(0)
         points = points[(wanted >= 0.85 * spacing) & (wanted < 1.4 * spacing * 1.2)]
         if len(points) == 0:
@@ -190,7 +191,7 @@ def _triangulate(
     centre = (a + b + c) / 3.0
     within = np.zeros(len(triangles), dtype=bool)
     for loop in loops:
-        within ^= _inside(loop, centre)
+        within ^= inside_polygon(centre, loop)
     triangles = triangles[within]
     _check_border(triangles, loops, name)
     return triangles
@@ -226,13 +227,3 @@ def _smoothed(border: Plane, inside: Plane, triangles: Int[np.ndarray, "triangle
         np.add.at(count, a, 1.0)
     mean = total / np.maximum(count, 1.0)[:, None]
     return mean[len(border) :]
-
-
-def _inside(loop: Plane, points: Plane) -> Bool[np.ndarray, " points"]:
-    """Whether points lie in a polygon (crossings of a ray)."""
-    a, b = loop, np.roll(loop, -1, axis=0)
-    x, y = points[:, 0, None], points[:, 1, None]
-    crosses = (a[None, :, 1] > y) != (b[None, :, 1] > y)
-    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
-    at = a[None, :, 0] + (y - a[None, :, 1]) / rise * (b - a)[None, :, 0]
-    return (np.sum(crosses & (x < at), axis=1) % 2).astype(bool)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxfsi.core.laws.mesh_motion import mesh_displacement
-from jaxfsi.core.solve.newton import single
+from jaxfsi.core.solve.linear_system import single
 from jaxfsi.core.solve.preconditioner import precondition
 from jaxfsi.core.solve.tangent import apply_elements, step_tangent
 from jaxfsi.core.step.equations import begin_step, extrapolated, relinearised, residual

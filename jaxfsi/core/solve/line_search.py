@@ -1,10 +1,11 @@
 """A share of a correction of Newton's method, where the whole one makes the residual grow.
 
-A residual that is quadratic along the correction is, at the share s of it::
+A residual that is quadratic along the exact correction is, at the share s of it::
 
     r(s) = (1 − s) r₀ + s² q
 
-q is known from the residual at one share, and the s that makes |r(s)| smallest is tried next.
+q, with what the linear system left, is known from the residual at one share, and the s that makes
+|r(s)| smallest is tried next.
 Source: Dennis & Schnabel 1996, Numerical Methods for Unconstrained Optimization and Nonlinear
 Equations, section 6.3, with this model in place of a cubic in |r|².
 """
@@ -15,14 +16,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxfsi.core.solve.krylov import Vector
+
 LEAST_SHARE = 0.1
-"""Where so small a share, or a smaller one, is needed, the iteration is at a fold of the equations:
-further corrections from there hardly change the residual."""
+"""A share that is small: where it, or a smaller one, leaves more than `LEAST_FALL` of the residual,
+the iteration is at a fold of the equations, and further corrections hardly change anything."""
+
+LEAST_FALL = 0.9
+"""See `LEAST_SHARE`."""
+
+_NOT_FINITE = 0.25
+"""What is taken of a share at which the residual is not finite."""
 
 _SHARES = tuple(np.geomspace(0.04, 0.7, 32))
 """What may be taken of a share that was too large."""
-
-Flat = Float[Array, " unknowns"]
 
 
 class NewtonTrial(NamedTuple):
@@ -35,25 +42,25 @@ class NewtonTrial(NamedTuple):
         norm: its weighted norm; infinite where there was no correction.
         share: which share of the correction was taken.
         goal: relative tolerance of the linear system that gave the correction.
-        loose: whether that was looser than what the step asks for.
+        loose: whether a further system was to follow in any case.
     """
 
-    y: Flat
-    base: Flat
-    r: Flat
+    y: Vector
+    base: Vector
+    r: Vector
     norm: Float[Array, ""]
     share: Float[Array, ""]
     goal: Float[Array, ""]
     loose: Bool[Array, ""]
 
 
-def first_trial(y: Flat) -> NewtonTrial:
+def first_trial(y: Vector) -> NewtonTrial:
     """An iterate that no correction led to."""
     one = jnp.ones(())
     return NewtonTrial(y, y, jnp.zeros_like(y), jnp.inf * one, one, 0.0 * one, jnp.asarray(False))
 
 
-def shortened(trial: NewtonTrial, r: Flat, weight: Flat) -> NewtonTrial:
+def shortened(trial: NewtonTrial, r: Vector, weight: Vector) -> NewtonTrial:
     """A trial with a smaller share of the same correction.
 
     Args:
@@ -66,6 +73,8 @@ def shortened(trial: NewtonTrial, r: Flat, weight: Flat) -> NewtonTrial:
     s = trial.share * jnp.asarray(_SHARES)
     linear, square = 1.0 - s, s**2
     size = linear**2 * jnp.vdot(before, before) + square**2 * jnp.vdot(q, q)
-    share = s[jnp.argmin(size + 2.0 * linear * square * jnp.vdot(before, q))]
+    size += 2.0 * linear * square * jnp.vdot(before, q)
+    best = s[jnp.argmin(size)]
+    share = jnp.where(jnp.all(jnp.isfinite(size)), best, _NOT_FINITE * trial.share)
     y = trial.base + (share / trial.share) * (trial.y - trial.base)
     return trial._replace(y=y, share=share)

@@ -1,4 +1,4 @@
-"""The equations of a step solved, and the derivative of their solution.
+"""The equations of a step solved.
 
 Newton's method with GMRES, started from the extrapolated state, on `tangent.StepTangent` in single
 precision. One solve is often enough; the residual is evaluated again in double precision,
@@ -7,39 +7,30 @@ a correction brings the residual down to a few thousandths with the whole deriva
 with that of the advecting velocity alone, and to two thirds without either. Residuals are weighted
 by the square root of the frozen diagonal, which makes momentum and continuity comparable (both
 become the root of a power).
-
-The derivative is that of the equations F(y, θ) = 0 (implicit function theorem)::
-
-    ∂F/∂y dy = −∂F/∂θ dθ
-
-whatever the solve took; in reverse mode the transposed system is solved, once a step. Either is
-solved by corrections in single precision with the residual in double precision (iterative
-refinement, Higham 2002, chapter 12).
 """
 
 from functools import partial
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxfsi.core.solve.blood_tangent import blood_diagonal
-from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
-from jaxfsi.core.solve.line_search import LEAST_SHARE, NewtonTrial, first_trial, shortened
-from jaxfsi.core.solve.preconditioner import precondition, precondition_transposed, with_blood
-from jaxfsi.core.solve.tangent import (
-    apply_elements,
-    apply_elements_transposed,
-    step_tangent,
+from jaxfsi.core.solve.krylov import euclidean_norm
+from jaxfsi.core.solve.line_search import (
+    LEAST_FALL,
+    LEAST_SHARE,
+    NewtonTrial,
+    first_trial,
+    shortened,
 )
+from jaxfsi.core.solve.linear_system import Flat, Scaling, linearised, scaling_of
+from jaxfsi.core.solve.preconditioner import precondition
 from jaxfsi.core.step.equations import Step, Unknowns, relinearised, residual
 from jaxfsi.core.step.model import Model
 from jaxfsi.core.step.state import Start
 from jaxfsi.core.step.stepper import Stepper
-from lumped.parameters import Parameter
 
 LEAST_REDUCTION = 1e-4
 """Smallest relative tolerance requested of a float32 linear solve."""
@@ -64,20 +55,6 @@ tube holds drifts by 5e-5 of what passes it, with a quarter by 2e-5."""
 LOOSEST = 0.1
 """Largest relative tolerance of a linear system."""
 
-DERIVATIVE_SHARE, DERIVATIVE_TOLERANCES = 0.1, (1e-6, 1e-4)
-"""Relative residual of the systems that give derivatives: its share of the tolerance of a step, and
-its range. With 1e-4 a gradient through twenty steps of the elastic tube is exact to 8e-5; with 1e-5
-it is to 1e-5 and takes four iterations more a step."""
-
-LEAST_REFINEMENT = 5e-6
-"""Furthest that one correction of such a system is asked to reduce its residual: below, single
-precision takes twice the iterations; what is left takes a second, short correction."""
-
-MOST_REFINEMENTS = 6
-"""Corrections of such a system at most."""
-
-Flat = Float[Array, " unknowns"]
-
 
 class Convergence(NamedTuple):
     """How a solve went.
@@ -92,89 +69,6 @@ class Convergence(NamedTuple):
     n_gmres: Int[Array, ""]
     n_newton: Int[Array, ""]
     residual: Float[Array, ""]
-
-
-class _Scaling(NamedTuple):
-    """Weights of flat vectors, and what is solved with them in single precision.
-
-    Attributes:
-        weight: of the residuals, in double precision.
-        prescribed: rows of prescribed unknowns.
-    """
-
-    weight: Flat
-    prescribed: Bool[Array, " unknowns"]
-
-    def norm(self, r: Flat) -> Float[Array, ""]:
-        """Weighted norm of a residual."""
-        return euclidean_norm(self.weight * r)
-
-    def correction(
-        self, product, inverse, r: Flat, tolerance, max_iterations: int, along: Flat | None = None
-    ):
-        """Solve product(x) = r in single precision to a relative tolerance.
-
-        Args:
-            product: with the operator.
-            inverse: approximate inverse of it, for velocity and pressure.
-            r: right-hand side.
-            tolerance: relative.
-            max_iterations: of GMRES.
-            along: see `fgmres`.
-        """
-        weight = self.weight.astype(jnp.float32)
-        n_u = 3 * (weight.size // 4)
-        scale = self.norm(r)
-        scale = jnp.where(scale > 0.0, scale, 1.0)
-
-        def approximate(v: Flat) -> Flat:
-            v = v / weight
-            z = inverse(v[:n_u].reshape(3, -1), v[n_u:])
-            return jnp.where(self.prescribed, v, ravel_pytree(z)[0])
-
-        b = weight * (r / scale).astype(jnp.float32)
-        goal = jnp.asarray(tolerance, jnp.float32) * euclidean_norm(b)
-        found = fgmres(
-            lambda v: weight * product(v),
-            b,
-            approximate,
-            tolerance=goal,
-            max_iterations=max_iterations,
-            along=None if along is None else (along / scale).astype(jnp.float32),
-        )
-        return found.x.astype(r.dtype) * scale, found.n_iterations
-
-
-def single(tree):
-    """The same in single precision."""
-    return jax.tree.map(lambda a: a.astype(jnp.float32) if eqx.is_inexact_array(a) else a, tree)
-
-
-def _scaling(model: Model, stepper: Stepper) -> _Scaling:
-    M = stepper.preconditioner
-    weight = jnp.concatenate([M.velocity_scale.reshape(-1), M.pressure_scale])
-    prescribed = jnp.concatenate([jnp.tile(model.prescribed, 3), ~model.in_fluid])
-    return _Scaling(weight, prescribed)
-
-
-def linearised(y: Unknowns, model: Model, step: Step, stepper: Stepper, kept: Parameter = 1.0):
-    """Products with the Jacobian about y, plain and transposed, and a preconditioner for it.
-
-    All in single precision; for `kept` see `blood_tangent`.
-    """
-    y, model, step, kept = single((y, model, step, jnp.asarray(kept)))
-    about = step_tangent(y, model, step, stepper.method, kept)
-    _, unravel = ravel_pytree(y)
-
-    def product(flat: Flat) -> Flat:
-        return ravel_pytree(apply_elements(about, unravel(flat), model, step, stepper.method))[0]
-
-    def transposed(flat: Flat) -> Flat:
-        v = unravel(flat)
-        return ravel_pytree(apply_elements_transposed(about, v, model, step, stepper.method))[0]
-
-    diagonal = blood_diagonal(about.blood, model, step.fluid_shape)
-    return product, transposed, with_blood(stepper.preconditioner, diagonal, about.blood.A, step.Z)
 
 
 class _Iterate(NamedTuple):
@@ -203,7 +97,7 @@ class _Iterate(NamedTuple):
     n_gmres: Int[Array, ""]
 
 
-def _forces(origin: Flat, step: Step, scaling: _Scaling, stepper: Stepper) -> Float[Array, ""]:
+def _forces(origin: Flat, step: Step, scaling: Scaling, stepper: Stepper) -> Float[Array, ""]:
     """Forces that cancel, on the scale of the residuals.
 
     Where the extrapolated state is exact already, only their round-off is left to reduce.
@@ -211,6 +105,33 @@ def _forces(origin: Flat, step: Step, scaling: _Scaling, stepper: Stepper) -> Fl
     w_d = stepper.method.weights(step.dt)[2]
     strain = step.state.d / w_d / stepper.preconditioner.velocity_scale
     return euclidean_norm(origin / scaling.weight) + euclidean_norm(strain.reshape(-1))
+
+
+def _judged(
+    s: _Iterate,
+    norm: Float[Array, ""],
+    allowed: Float[Array, ""],
+    n_newton: Int[Array, ""],
+    stepper: Stepper,
+) -> tuple[Float[Array, ""], Bool[Array, ""], Bool[Array, ""], Bool[Array, ""]]:
+    """What the residual of a trial says.
+
+    Returns:
+        The share of the residual that a first system leaves, whether anything is left to do, and
+        whether that is to shorten the correction or to start again.
+    """
+    trial = s.trial
+    # a system solved loosely hides what it leaves below its own goal
+    least = jnp.where(trial.loose, 0.5 * s.remainder, 0.0)
+    left = jnp.maximum(norm / trial.norm - trial.goal, least)
+    whole = (n_newton == 1) & (s.attempt == 0) & (trial.share == 1.0) & jnp.isfinite(norm)
+    remainder = jnp.where(whole, left, s.remainder)
+    asks = norm > jnp.where(trial.loose, LINEAR_SHARE, SLACK) * allowed
+    bad = asks & (norm > SLACK * allowed) & (s.attempt < LAST_ATTEMPT)
+    short = trial.share <= LEAST_SHARE
+    shorten = bad & ~short & (norm >= trial.norm)
+    restart = bad & short & (norm > LEAST_FALL * trial.norm) & (n_newton < stepper.max_systems)
+    return remainder, asks, shorten, restart
 
 
 def _goals(
@@ -239,7 +160,7 @@ def _starts(guess: Unknowns, model: Model, step: Step) -> Float[Array, "attempts
 def solve_step(
     guess: Unknowns, start: Start, model: Model, step: Step, stepper: Stepper
 ) -> tuple[Unknowns, Start, Convergence]:
-    """Solve the equations of a step; see `with_derivative`.
+    """Solve the equations of a step; see `solution_derivative`.
 
     A flow that accelerates leaves its linear extrapolation behind by about as much as it did in the
     step before, so each linear system is first solved along that correction.
@@ -252,7 +173,8 @@ def solve_step(
     Where a correction makes the residual grow, a share of it is taken (`line_search`): in a slit
     that snaps shut, a whole one throws the vortex at its mouth far beyond the solution. From then
     on the linear systems are solved as far as the last correction reduced the residual, squared
-    (choice 2). Where a tenth is still too much, there are two more attempts. The second starts from
+    (choice 2). Where a tenth or less had to be taken and gained little, there are two more
+    attempts. The second starts from
     the velocity and pressure of the step before: where a vortex is born, extrapolation doubles what
     is wrong. The third holds the coefficients of each correction, as at a sudden start, where the
     extrapolated strong residual means nothing.
@@ -267,7 +189,7 @@ def solve_step(
     Returns:
         The solution, what it tells the next step, and how the solve went.
     """
-    scaling = _scaling(model, stepper)
+    scaling = scaling_of(model, stepper)
     starts, (origin, unravel) = _starts(guess, model, step), ravel_pytree(guess)
     along = jnp.where(scaling.prescribed, 0.0, ravel_pytree((start.u, start.p))[0])
     round_off = ROUND_OFF * _forces(origin, step, scaling, stepper)
@@ -280,17 +202,12 @@ def solve_step(
         here = relinearised(y, model, step, stepper.method)
         r = ravel_pytree(residual(y, model, here, stepper.method))[0]
         norm = scaling.norm(r)
+        norm = jnp.where(jnp.isnan(norm), jnp.inf, norm)  # a wall turned inside out
         n_newton = s.n_newton + 1
         floor = round_off / stepper.tolerance
         first = jnp.where(n_newton == 0, jnp.maximum(norm, floor), s.first)
         allowed = stepper.tolerance * first
-        # a system solved loosely hides what it leaves below its own goal
-        least = jnp.where(trial.loose, 0.5 * s.remainder, 0.0)
-        left = jnp.maximum(norm / trial.norm - trial.goal, least)
-        remainder = jnp.where((n_newton == 1) & (s.attempt == 0), left, s.remainder)
-        asks = norm > jnp.where(trial.loose, LINEAR_SHARE, SLACK) * allowed
-        restart = asks & (trial.share <= LEAST_SHARE) & (s.attempt < LAST_ATTEMPT)
-        shorten = asks & (norm >= trial.norm) & (s.attempt < LAST_ATTEMPT) & ~restart
+        remainder, asks, shorten, restart = _judged(s, norm, allowed, n_newton, stepper)
         attempt = s.attempt + restart.astype(int)
         hard = s.hard | shorten | restart
         asks &= (s.attempt < LAST_ATTEMPT) | (norm <= DIVERGED * first)
@@ -304,7 +221,8 @@ def solve_step(
             with jax.named_scope("linear_solve"):
                 inverse = partial(precondition, M)
                 dy, n = scaling.correction(product, inverse, r, goal, stepper.max_iterations, along)
-            return NewtonTrial(trial.y - dy, trial.y, r, norm, jnp.ones(()), goal, goal > tight), n
+            loose = (goal > tight) & ~hard
+            return NewtonTrial(trial.y - dy, trial.y, r, norm, jnp.ones(()), goal, loose), n
 
         def stay():
             other = first_trial(starts[attempt])
@@ -322,68 +240,3 @@ def solve_step(
     told = Start(y.u - guess.u, y.p - guess.p, end.remainder)
     remainder = end.norm / jnp.where(end.first > 0.0, end.first, 1.0)
     return y, told, Convergence(end.n_gmres, end.n_newton, remainder)
-
-
-@eqx.filter_custom_jvp
-def with_derivative(y: Unknowns, model: Model, step: Step, stepper: Stepper) -> Unknowns:
-    """A solution y of the equations of a step, with their derivative by model and step.
-
-    A derivative whose linear system is not solved is NaN: better none than a wrong one.
-    """
-    del model, step, stepper
-    return y
-
-
-@with_derivative.def_jvp
-def _(primals, tangents):
-    y, model, step, stepper = primals
-    _, model_change, step_change, _ = tangents
-
-    def equations(model: Model, step: Step, y: Unknowns = y):
-        return residual(y, model, relinearised(y, model, step, stepper.method), stepper.method)
-
-    r, change = eqx.filter_jvp(equations, (model, step), (model_change, step_change))
-    # a row that does not depend on what is changed has no tangent
-    change = jax.tree.map(lambda r, dr: jnp.zeros_like(r) if dr is None else dr, r, change)
-    b, unravel = ravel_pytree(change)
-    scaling = _scaling(model, stepper)
-    here = relinearised(y, model, step, stepper.method)
-    forward, backward, M = linearised(y, model, here, stepper)
-
-    # outside of the loops, which would evaluate the equations again with every product
-    _, along = jax.linearize(lambda y: equations(model, step, y), y)
-
-    def matvec(flat: Flat) -> Flat:
-        return ravel_pytree(along(unravel(flat)))[0]
-
-    tolerance = jnp.clip(DERIVATIVE_SHARE * stepper.tolerance, *DERIVATIVE_TOLERANCES)
-
-    def refined(product, correct, b: Flat) -> Flat:
-        def proceed(s):
-            _, r, k = s
-            return (k < MOST_REFINEMENTS) & (scaling.norm(r) > tolerance * scaling.norm(b))
-
-        def refine(s):
-            x, r, k = s
-            goal = 0.5 * tolerance * scaling.norm(b) / scaling.norm(r)
-            x = x + correct(r, jnp.maximum(goal, LEAST_REFINEMENT))
-            return x, b - product(x), k + 1
-
-        x, r, _ = jax.lax.while_loop(proceed, refine, (jnp.zeros_like(b), b, 0))
-        solved = scaling.norm(r) <= 10.0 * tolerance * scaling.norm(b)
-        return jnp.where(solved, x, jnp.nan)
-
-    def correction(product, inverse):
-        def correct(r: Flat, goal: Float[Array, ""]) -> Flat:
-            return scaling.correction(product, inverse, r, goal, stepper.max_iterations)[0]
-
-        return correct
-
-    def solve(matvec, b: Flat) -> Flat:
-        return refined(matvec, correction(forward, partial(precondition, M)), b)
-
-    def transposed_solve(vecmat, b: Flat) -> Flat:
-        return refined(vecmat, correction(backward, partial(precondition_transposed, M)), b)
-
-    dy = jax.lax.custom_linear_solve(matvec, b, solve, transposed_solve)
-    return y, jax.tree.map(jnp.negative, unravel(dy))

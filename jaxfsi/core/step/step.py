@@ -9,7 +9,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxfsi.core.elements.linear import flux
 from jaxfsi.core.ports.port import PortState
-from jaxfsi.core.solve.newton import SLACK, solve_step, with_derivative
+from jaxfsi.core.solve.newton import SLACK, solve_step
+from jaxfsi.core.solve.solution_derivative import with_derivative
 from jaxfsi.core.step.equations import Step, Unknowns, begin_step, extrapolated
 from jaxfsi.core.step.generalized_alpha import GeneralizedAlpha
 from jaxfsi.core.step.model import Model

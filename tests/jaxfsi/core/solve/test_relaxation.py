@@ -9,7 +9,7 @@ from jax.flatten_util import ravel_pytree
 
 from jaxfsi.core.ports.pressure import PressurePort
 from jaxfsi.core.solve.krylov import euclidean_norm, fgmres
-from jaxfsi.core.solve.newton import linearised
+from jaxfsi.core.solve.linear_system import linearised
 from jaxfsi.core.solve.preconditioner import precondition
 from jaxfsi.core.solve.relaxation import CROSSED, relaxation, relaxed, renewed, transposed
 from jaxfsi.core.step.equations import Unknowns, begin_step

@@ -91,7 +91,7 @@ if TYPE_CHECKING:
         central_range,
     )
     from calibration.stress_evidence import StressEvidence, stress_evidence
-    from calibration.stress_ratio import BED_FACTOR, STRESS_LOSS, FormFactors, StressRatio
+    from calibration.stress_ratio import FormFactors, StressRatio
     from calibration.sweep import (
         Calibrations,
         Sweep,
@@ -113,6 +113,7 @@ if TYPE_CHECKING:
         waveform_target,
     )
     from calibration.two_levels import Correction, Runs, correction
+    from calibration.uncertain_names import BED_FACTOR, STRESS_LOSS
     from calibration.uncertainty import (
         evaluate,
         interval_bounds,

@@ -20,7 +20,8 @@ import numpy as np
 
 from calibration.spreads import AbstractSpread, LogNormal, Normal, Truncated, Uniform
 from calibration.stress_evidence import StressEvidence
-from calibration.stress_ratio import BED_FACTOR, REST_PREFIX, STRESS_LOSS, StressRatio
+from calibration.stress_ratio import StressRatio
+from calibration.uncertain_names import BED_FACTOR, REST_PREFIX, STRESS_LOSS
 from lumped.nominal import IM_FACTOR_SD, LOSS_SD, P_VENOUS_RANGE, PERIOD_SD, PRESSURE_SD
 from lumped.parameters import Parameter
 

@@ -32,6 +32,7 @@ from jaxtyping import Array, Float
 
 from calibration.alpha import calibrate_alpha, mean_aortic_pressure, steady_flow, with_alpha
 from calibration.sensitivity import STRESS_PREFIX
+from calibration.uncertain_names import BED_FACTOR, DILATION, REST_PREFIX, STRESS_LOSS
 from lumped import (
     RESULTS,
     HaemodynamicCondition,
@@ -45,18 +46,6 @@ from lumped import (
 )
 from lumped.nominal import NOMINAL
 from lumped.parameters import Parameter, parameter
-
-REST_PREFIX = "rest_"
-"""Begins the name of a pressure or period at rest, `rest_period`."""
-
-DILATION = "dilation"
-"""Common factor of the resistances of the bed under stress, times those of the rule."""
-
-BED_FACTOR = "bed_factor"
-"""Resistance of the whole bed under stress over that at rest; the rule says how its parts share."""
-
-STRESS_LOSS = "stress_loss"
-"""Factor of R0 and K under stress, as a narrower slit has it."""
 
 QUICK = Shooting(32, order=3)
 """How cycles are marched where a ratio is wanted many times: FFR of a patient with quadratic loss

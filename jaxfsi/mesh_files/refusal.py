@@ -11,8 +11,6 @@ import xml.parsers.expat
 import zlib
 from collections.abc import Iterator
 
-import meshio
-
 from jaxfsi.text_files import why
 from lumped.whole_files import staging
 
@@ -38,11 +36,17 @@ _PARSER_ERRORS = (
     ET.ParseError,
     TypeError,
     ValueError,
-    meshio.ReadError,
     struct.error,
     xml.parsers.expat.ExpatError,
     zlib.error,
 )
+
+
+def _errors_of_meshio() -> tuple[type[Exception], ...]:
+    """What meshio raises; imported here, since many commands read no mesh."""
+    import meshio
+
+    return (meshio.ReadError,)
 
 
 @contextlib.contextmanager
@@ -73,7 +77,7 @@ def reading(path: pathlib.Path, kind: str) -> Iterator[None]:
             yield
     except MeshFileError:
         raise
-    except _PARSER_ERRORS as error:
+    except (*_PARSER_ERRORS, *_errors_of_meshio()) as error:
         raise MeshFileError(
             f"{path} cannot be read as {kind}: {why(error)}. It may be truncated or of another"
             " format; write it again."

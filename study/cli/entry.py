@@ -5,6 +5,7 @@ SIGHUP act as Ctrl-C does: 3D runs keep their last whole chunk. One that comes w
 still imported ends it at once; a second one within a second of the first is the same one.
 """
 
+import atexit
 import contextlib
 import importlib
 import os
@@ -45,17 +46,24 @@ def main(argv: Sequence[str] | None = None) -> int:
             status = importlib.import_module("study.cli.commands").run(argv, signals)
         except KeyboardInterrupt:  # before the command began, or a second one at its very end
             status = INTERRUPTED
-    if argv is None and status == INTERRUPTED:
-        _leave()
+    if argv is None and (status == INTERRUPTED or not os.environ.get("JAXFSI_TRACEBACK")):
+        _leave(status)
     return status
 
 
-def _leave() -> None:
-    """End the process at once: a thread that compiles would keep it for up to half a minute."""
+def _leave(status: int) -> None:
+    """End the process at once: JAX takes a second to free its programs.
+
+    A thread that compiles would keep an interrupted process for up to half a minute. What modules
+    do at the end of a process is done; profilers that wait for the end of the program need
+    JAXFSI_TRACEBACK.
+    """
+    if status != INTERRUPTED:
+        atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError):
             stream.flush()
-    os._exit(INTERRUPTED)
+    os._exit(status)
 
 
 class Signals:

@@ -14,7 +14,6 @@ from study.report.diagnosis_results import diagnosis_document
 from study.report.documents.diagnose import DiagnoseDocument
 from study.report.plan_results import plan_document
 from study.run.diagnosis import diagnose_record, plan_record, record_origin, study_of, with_case
-from study.run.diagnosis_in_3d import gap_in_3d, study_in_3d
 from study.run.diagnosis_lumen import found_reach, study_lumen
 from study.run.patient import load_patient
 from study.run.progress import Progress
@@ -51,7 +50,11 @@ def diagnose_command(
     record, remarks = _known(options, record, remarks)
     with work(request, folder) as progress:
         origin = record_origin(request.words, options)
-        study = study_in_3d(options, record, progress)
+        study = None
+        if options.in_3d is not None:
+            from study.run.diagnosis_in_3d import study_in_3d  # imports the 3D core
+
+            study = study_in_3d(options, record, progress)
         lumen = study_lumen(None if options.case is None else study_of(options.case))
         diagnosis = diagnose_record(record, options.richness, progress)
         progress.step("writing the report")
@@ -59,6 +62,8 @@ def diagnose_command(
         document = with_lumen(document, found_reach(diagnosis, lumen))
         written = _write(folder, document)
         if study is not None:
+            from study.run.diagnosis_in_3d import gap_in_3d
+
             part = gap_in_3d(record, diagnosis, study, options.in_3d or (), folder, progress)
             progress.step("writing the report")
             origin = origin.took(progress.spent())

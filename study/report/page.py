@@ -13,9 +13,9 @@ from study.report.headline import chance_at_or_below, percent
 from study.report.mesh_figures import mesh_figures
 from study.report.number_formats import signed, significant, span, with_sd
 from study.report.parameter_names import NAMES
+from study.report.picture_captions import PICTURES
 from study.report.ratio_limits import SOURCES, limit_rows, measured_words
 from study.report.simulation_figures import simulation_figures
-from study.report.simulation_pictures import PICTURES
 from study.report.time_spent import time_parts
 from study.report.uncertainty_figures import uncertainty_figure
 from study.report.uncertainty_words import rules_words, uncertainty_rows, uncertainty_words

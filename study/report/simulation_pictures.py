@@ -18,17 +18,6 @@ from jaxfsi.opening import INLET, OUTLET
 from jaxfsi.simulation.cycles import Inlet
 from study.run.mesh_pictures import septum_place
 
-PICTURES = {
-    "pressure": "Pressure less that of the aortic inlet, in a plane along the anomalous artery;"
-    " wall grey. The wall is shown where it is at that instant.",
-    "speed": "Speed of the blood in the same plane.",
-    "wall": "The wall from outside, coloured by its displacement (where it is rigid: the lumen,"
-    " coloured by wall shear stress).",
-    "lumen": "The lumen around the anomalous artery from three sides: change of the ratio per area"
-    " and shift outwards; blue: wider there raises it, red: lowers it.",
-}
-"""What the pictures show, by name."""
-
 _PHASES = (0.15, 0.3, 0.4, 0.6, 0.9)
 _ADAPTER = pathlib.Path(__file__).parent / "simulation_rendering.py"
 _TIMEOUT = 300.0

@@ -7,9 +7,9 @@ from typing import Any
 from study.report.algorithm_figures import study_figures
 from study.report.page import rendered, safe
 from study.report.parameter_names import NAMES
+from study.report.picture_captions import PICTURES
 from study.report.pictures import stored_films, stored_study_pictures
 from study.report.ratio_limits import SOURCES, limit_rows, measured_words
-from study.report.simulation_pictures import PICTURES
 from study.report.uncertainty_figures import uncertainty_figure
 from study.report.uncertainty_words import rules_words, uncertainty_rows, uncertainty_words
 

@@ -17,10 +17,7 @@ from diagnosis.reach import reach
 from jaxfsi.anatomy import Anatomy, intramural_course
 from study.case.anatomy import IvusAnatomy, SyntheticAnatomy
 from study.case.model import Case
-from study.run.anatomy_source import case_anatomy
 from study.run.diagnosis_lumen_parts import BAND, LumenReach, StudyLumen
-from study.run.finished_study import studied_case
-from study.run.what_if import aortic_area, lumen_of
 
 NO_STUDY = (
     "This needs the lumen along the artery from a finished study: give the folder of the study as"
@@ -36,6 +33,9 @@ def study_lumen(study: pathlib.Path | None) -> StudyLumen | str:
     """
     if study is None:
         return NO_STUDY
+    from study.run.anatomy_source import case_anatomy  # these import the 3D core
+    from study.run.finished_study import studied_case
+
     try:
         case = studied_case(study)
         if not isinstance(case.anatomy, IvusAnatomy | SyntheticAnatomy):
@@ -54,6 +54,8 @@ def known_lumen(case: Case, anatomy: Anatomy, study: str) -> StudyLumen:
         anatomy: its anatomy, from contours or parameters.
         study: name of its study.
     """
+    from study.run.what_if import aortic_area, lumen_of
+
     try:
         course = intramural_course(anatomy).end
     except ValueError:

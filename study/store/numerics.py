@@ -125,7 +125,7 @@ WITHOUT_NUMBERS: tuple[str, ...] = (
     "study/report/diagnosis_*", "study/report/figures.py", "study/report/imported_results.py",
     "study/report/sweep_figure.py", "study/report/documents/*", "study/report/mesh_results.py",
     "study/report/number_formats.py", "study/report/older_parts.py", "study/report/page.py",
-    "study/report/parameter_names.py",
+    "study/report/parameter_names.py", "study/report/picture_captions.py",
     "study/report/pictures.py", "study/report/plan_results.py",
     "study/report/ratio_limits.py",
     "study/report/simulation_rendering.py", "study/report/stored_page.py",

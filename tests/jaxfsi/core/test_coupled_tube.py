@@ -151,20 +151,25 @@ def test_last_attempt_ends_where_its_residual_is_beyond_the_limit(
     assert (float(report.residual) == 1.0) == (limit < 1.0)
 
 
+def _scaled_derivative(monkeypatch, scale):
+    """Replace the derivative by a multiple; what its products were about, once a step has run."""
+    linearised, about = newton.linearised, []
+
+    def scaled(y, model, step, stepper, kept=1.0):
+        product, transposed, M = linearised(y, model, step, stepper, kept)
+        factor = jnp.asarray(scale(kept), jnp.float32)
+        jax.debug.callback(lambda kept, p: about.append((float(kept), float(np.sum(p)))), kept, y.p)
+        return lambda v: factor * product(v), transposed, M
+
+    monkeypatch.setattr(newton, "linearised", scaled)
+    return about
+
+
 def test_step_starts_anew_where_corrections_make_its_residual_grow(monkeypatch, model, stepper):
     """With a derivative that is wrong until the coefficients are held."""
     state = march(model, initial_state(model), stepper, 2).state
     right, report = advance_step(model, state, stepper)
-    starts = []
-
-    def wrong(y, model, step, stepper, kept=1.0):
-        product, transposed, M = linearised(y, model, step, stepper, kept)
-        scale = jnp.where(kept > 0.0, -0.2, 1.0).astype(jnp.float32)
-        jax.debug.callback(lambda kept, p: starts.append((float(kept), np.sum(p))), kept, y.p)
-        return lambda v: scale * product(v), transposed, M
-
-    linearised = newton.linearised
-    monkeypatch.setattr(newton, "linearised", wrong)
+    starts = _scaled_derivative(monkeypatch, lambda kept: jnp.where(kept > 0.0, -0.2, 1.0))
     found, slow = advance_step(model, state, stepper)
     assert slow.result == RESULTS.successful
     # two attempts of one system each, which do not start from the same state, and the last
@@ -180,15 +185,7 @@ def test_correction_that_is_too_long_is_shortened(monkeypatch, model, stepper):
     """With a derivative that is a fifth of the true one, in the first attempt."""
     state = march(model, initial_state(model), stepper, 2).state
     right, report = advance_step(model, state, stepper)
-    seen = []
-
-    def weak(y, model, step, stepper, kept=1.0):
-        product, transposed, M = linearised(y, model, step, stepper, kept)
-        jax.debug.callback(lambda kept, p: seen.append((float(kept), float(np.sum(p)))), kept, y.p)
-        return lambda v: jnp.float32(0.2) * product(v), transposed, M
-
-    linearised = newton.linearised
-    monkeypatch.setattr(newton, "linearised", weak)
+    seen = _scaled_derivative(monkeypatch, lambda kept: 0.2)
     found, slow = advance_step(model, state, stepper)
     assert slow.result == RESULTS.successful
     jax.effects_barrier()

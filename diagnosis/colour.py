@@ -8,9 +8,8 @@ noise of the same variance and the correlation times τ,
     power_k = sd²/n (1 − ρ²)/(1 − 2ρ cos(2πk/n) + ρ²),     ρ = exp(−T/(n τ)),
 
 the mean is taken with weights by their likelihood in the harmonics from `FIRST` on, all traces of
-the record together; no harmonic gets less than by the default. An effect that raises these
-harmonics in all traces makes the noise look whiter, and itself a little weaker, but no noise of
-another colour passes for an effect.
+the record together. An effect that raises these harmonics in all traces makes the noise look
+whiter, and itself a little weaker, but no noise of another colour passes for an effect.
 
 Source: autoregressive spectrum, Priestley 1981, Spectral Analysis and Time Series, section 4.12.
 """
@@ -99,5 +98,5 @@ def _coloured(measured: Measured, residual: Float[Array, "c d"]) -> Measured:
     share[0] = DEFAULT_SHARE
     weight = jax.nn.softmax(jnp.sum(terms, axis=(1, 2, 3)) + jnp.asarray(np.log(share)))
     mixed = jnp.tensordot(weight, jnp.where(jnp.isfinite(powers), powers, 0.0), 1)
-    mixed = jnp.where(jnp.isfinite(default), jnp.maximum(mixed, default), jnp.inf)
+    mixed = jnp.where(jnp.isfinite(default), mixed, jnp.inf)
     return dataclasses.replace(measured, wave_power=jnp.where(jnp.isnan(known), mixed, known))

@@ -110,6 +110,7 @@ def form_freedom(
     scalar_power: Float[Array, "c 4"],
     shared_power: Float[Array, "c s n"],
     shared_scalar_power: Float[Array, "c 4"],
+    shared_columns: Float[Array, "c d s"],
 ) -> Freedom:
     """Freedom of guessed equations: smooth random waveforms about where the effects act.
 
@@ -124,12 +125,14 @@ def form_freedom(
         shared_power: variance of what all conditions share; not in the first signal, the aortic
             pressure.
         shared_scalar_power: that of the last four data.
+        shared_columns: further columns of the data [their units] that all conditions share.
     """
     own, shared = _columns(power), _columns(shared_power[:, 1:])
     scalars, shared_scalars = jnp.sqrt(scalar_power), jnp.sqrt(shared_scalar_power)
     C, S, r, m = own.shape
     none = jnp.zeros((C, min(S, 1) * r, shared.shape[1] * m + scalars.shape[1]))
     together = jnp.concatenate([none, _block_diagonal(shared, shared_scalars)], axis=1)
+    together = jnp.concatenate([together, shared_columns], axis=2)
     weight = W.weight[:, : S * r].reshape(C, S, r, 1)
     return Freedom(weight * own, W.weight[:, S * r :] * scalars, W.columns(together), W)
 

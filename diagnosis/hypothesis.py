@@ -20,6 +20,7 @@ from diagnosis.effects import SCALE, Effect, bounded_size
 from diagnosis.form_columns import Freedom, form_freedom
 from diagnosis.measured import Measured, Whitener, whitener_of
 from diagnosis.prediction import (
+    BYPASS_SD,
     OWN,
     SHARED,
     TRANSMISSION_SD,
@@ -39,10 +40,15 @@ whose pressures, compliances and volumes differ, and the base model has one; ass
 BED_ALIKE = 0.9
 """Correlation of this error between conditions; assumed."""
 
+BED_TRANSMISSION, BED_BYPASS = 0.07, 0.15
+"""Standard deviations of the ratio of intramyocardial to ventricular pressure and of the bypass,
+see `prediction`, in a bed of another structure; assumed (the pressure falls from the endocardium to
+nearly zero at the epicardium: Hoffman & Spaan 1990, Physiol Rev 70:331)."""
+
 BOTH = np.ones(2)
 """Shares of both effects of a hypothesis."""
 
-_TRANSMISSION = SHARED.index("transmission")
+_TRANSMISSION, _BYPASS = SHARED.index("transmission"), SHARED.index("bypass")
 
 FITTED = np.nan
 """In place of a fixed size: the size is an unknown of the fit."""
@@ -124,14 +130,17 @@ class UncertainSignals(NamedTuple):
     """Signals of the sensors, and how uncertain equations make them, see `evidence`.
 
     Attributes:
-        power: variance of the signals [their units squared] by a guessed form, and by a bed of
-            another structure.
+        power: variance of the signals [their units squared] by a guessed form and what instruments
+            share between beats, and by a bed of another structure.
         scalar_power: variance of the last four data.
+        bed: change of the data by one standard deviation of the transmission, and of the bypass,
+            that a bed of another structure has beside the base model's.
         n_sensors: number of sensors with a waveform.
     """
 
     power: Float[Array, "2 c 3 n"]
     scalar_power: Float[Array, "2 c 4"]
+    bed: Float[Array, "c d 2"]
     n_sensors: int
 
     def freedoms(self, W: Whitener) -> Freedom:
@@ -144,7 +153,7 @@ class UncertainSignals(NamedTuple):
             own, alike = other_bed * (1.0 - BED_ALIKE), other_bed * BED_ALIKE
             return form_freedom(
                 W, form + own * bed, form_scalars + own * bed_scalars,
-                alike * bed, alike * bed_scalars,
+                alike * bed, alike * bed_scalars, other_bed * self.bed,
             )  # fmt: skip
 
         return jax.lax.map(kind, jnp.asarray([0.0, 1.0]))
@@ -193,24 +202,39 @@ def uncertain_signals(
     beat = sensor_model(effects, numbers, pair, fixed_size, nonlinear=nonlinear)
     tolerances = places_of(numbers, pair) @ numbers.tolerance
 
-    def signals(share: Array, squeeze: Array) -> tuple[Array, Array]:
+    def signals(share: Array, squeeze: Array, bypass: Array) -> tuple[Array, Array]:
         unlike = own.at[:, _TRANSMISSION].set(
             jnp.where(squeeze > 0.5, own[:, _TRANSMISSION], -1.0 / TRANSMISSION_SD)
         )
+        unlike = unlike.at[:, _BYPASS].add(bypass)
         seen = jax.vmap(partial(beat, share=share))(cases, unlike)
-        return jax.vmap(as_waves)(seen), jax.vmap(lambda b: observations(b, n)[-4:])(seen)
+        return jax.vmap(as_waves)(seen), jax.vmap(lambda b: observations(b, n))(seen)
 
-    # with both effects, without the first, without the second; with both, without the squeeze
-    shares = jnp.asarray(np.array([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0]]))
-    squeezes = jnp.asarray(np.array([1.0, 1.0, 1.0, 0.0]))
-    waves, scalars = jax.vmap(signals)(shares, squeezes)
+    # with both effects, without the first, without the second; with both, without the squeeze;
+    # with both and more bypass
+    more = _beside(BED_BYPASS, BYPASS_SD)
+    shares = jnp.asarray(np.array([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0]]))
+    squeezes = jnp.asarray(np.array([1.0, 1.0, 1.0, 0.0, 1.0]))
+    bypasses = jnp.asarray(np.array([0.0, 0.0, 0.0, 0.0, more / BYPASS_SD]))
+    waves, data = jax.vmap(signals)(shares, squeezes, bypasses)
 
     def power(signal: Array) -> Array:
-        change = signal[:1] - signal[1:]
+        change = signal[:1] - signal[1:4]
         form = jnp.einsum("s,sc...->c...", tolerances**2, change[:2] ** 2)
         return jnp.stack([form, BED_FORM**2 * change[2] ** 2])
 
-    return UncertainSignals(power(waves), power(scalars), n)
+    squeezed = _beside(BED_TRANSMISSION, TRANSMISSION_SD) * (data[0] - data[3])
+    bed = jnp.stack([squeezed, data[4] - data[0]], axis=-1)
+    own_power = power(waves)
+    if measured.instrument_sd is not None:
+        pressures = jnp.asarray(np.array([1.0, 1.0, 0.0]))[:, None]
+        own_power = own_power.at[0].add(measured.instrument_sd**2 * pressures)
+    return UncertainSignals(own_power, power(data[..., -4:]), bed, n)
+
+
+def _beside(whole: float, part: float) -> float:
+    """Standard deviation of what makes a part the whole."""
+    return float(np.sqrt(whole**2 - part**2))
 
 
 def by_condition(

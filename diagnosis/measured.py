@@ -77,6 +77,8 @@ class Measured(eqx.Module):
             without any.
         squeeze_delay: of the ventricular pressure behind its assumed time [beats]; None with
             `inlet`.
+        instrument_sd: of an error of each pressure that all beats share [dyn/cm²]; None without
+            any.
         steadiness: how unlike the beats are, numbers of `steadiness.Steadiness`; None without
             waveforms.
     """
@@ -105,6 +107,7 @@ class Measured(eqx.Module):
     modes: Float[Array, "*b c d r"] | None = None
     inlet: Float[Array, "*b c n"] | None = None
     squeeze_delay: Float[Array, "*b"] | None = None
+    instrument_sd: Float[Array, "*b"] | None = None
     steadiness: Float[Array, "*b 3"] | None = None
 
     @property

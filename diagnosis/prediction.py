@@ -4,7 +4,7 @@ The base model is the surrogate of Puelz et al. 2024 at its nominal values with 
 "printed". Its unknowns have standard normal priors in the variables x:
 
     R0, K_known = prior exp(sd x_0),  α = 0.25 exp(x_1),  C_a, C_im, C0 = nominal exp(0.4 x_2..4),
-    intramyocardial pressure = P_LV (1 + 0.07 x_5),  bypass conductance = 0.15 x_6/(R_2 + R_3),
+    intramyocardial pressure = P_LV (1 + 0.02 x_5),  bypass conductance = 0.04 x_6/(R_2 + R_3),
     start of the squeeze = its delay + 0.05 T x_7 where a record has one, else as assumed,
     P_systolic, P_diastolic of each condition = recorded + P_sd x.
 
@@ -44,13 +44,13 @@ ALPHA_PRIOR, ALPHA_SD_LOG = 0.25, 1.0
 COMPLIANCE_SD_LOG = 0.4
 """Standard deviation of the logarithms of C_a, C_im and C0."""
 
-TRANSMISSION_SD = 0.07
-"""Standard deviation of the ratio of intramyocardial to ventricular pressure; assumed (the pressure
-falls from the endocardium to nearly zero at the epicardium: Hoffman & Spaan 1990, Physiol Rev
-70:331)."""
+TRANSMISSION_SD = 0.02
+"""Standard deviation of the ratio of intramyocardial to ventricular pressure in the base model's
+bed; assumed. A bed of another structure has more, see `hypothesis.BED_TRANSMISSION`."""
 
-BYPASS_SD = 0.15
-"""Standard deviation of the bypass conductance relative to 1/(R_2 + R_3); assumed."""
+BYPASS_SD = 0.04
+"""Standard deviation of the bypass conductance relative to 1/(R_2 + R_3) in the base model's bed;
+assumed. A bed of another structure has more, see `hypothesis.BED_BYPASS`."""
 
 SQUEEZE_SD = 0.05
 """Standard deviation of the delay of the ventricular pressure where the aortic waveform is not the

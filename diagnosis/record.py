@@ -6,7 +6,8 @@ the beats minus their mean and minus the mean of each beat,
 
     sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
 
-The mean beat has sd/√b, and beside it `TRANSDUCER_SD`, which no scatter shows. The slow offset is
+The mean beat has sd/√b. `TRANSDUCER_SD`, which no scatter shows, is part of guessed equations (see
+`hypothesis`). The slow offset is
 the scatter of the beats' means, at least `OFFSET_SD`: a constant offset does not show in the
 scatter. From several beats, `scatter` estimates the power of every harmonic, and the variations
 common to sensors and harmonics: a stated sd says how large the noise is, not how it spreads over
@@ -47,10 +48,6 @@ nonlinearity, hysteresis and the response of the line leave of the error band of
 of ANSI/AAMI BP22 beside offset and gain; its share is assumed. On sixty records of another hand,
 by which it was chosen (as 0.3 mmHg, half of it white), the named effects are right in 19 of 23 with
 it and in 12 of 20 without; on 32 that nobody had seen in 7 of 13 and 6 of 14."""
-
-TRANSDUCER_WHITE = 0.0
-"""Share of its variance that is white: none. What nonlinearity and hysteresis leave follows the
-pressure, and half of it as white noise would hide a notch or an oscillation."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,7 +170,7 @@ def noise_of(record: Record) -> Noise:
     smooth = np.clip(lagged / max(expected, 1e-12), 0.0, 0.95)
     count = np.mean([d.shape[0] for d in rest])
     offset = np.sqrt(np.mean([m.var(ddof=1) / m.size for m in scatter]))
-    sd = float(np.hypot(np.sqrt(variance / count), TRANSDUCER_SD))
+    sd = float(np.sqrt(variance / count))
     slow = max(float(offset), known) if stated is None else stated
     return Noise(sd, float(1.0 - smooth), slow, "estimated")
 
@@ -220,9 +217,8 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         if condition.mean_Q is not None and "flow" in level and not has_flow:
             scalars[c, 3], sd[c, 3] = condition.mean_Q, flow_sd * max(abs(condition.mean_Q), 0.05)
     if not (np.isfinite(sd).any() or np.isfinite(wave_sd).any()):
-        raise ValueError(
-            f"Record '{record.id}' holds nothing to compare ({level}). Give ratios, means or beats."
-        )
+        message = f"Record '{record.id}' holds nothing to compare ({level})."
+        raise ValueError(f"{message} Give ratios, means or beats.")
 
     def column(name: str) -> jax.Array:
         return jnp.asarray(np.array([float(getattr(c, name)) for c in record.conditions]))
@@ -253,6 +249,7 @@ def measured(record: Record, richness: str | None = None) -> Measured:
         L=None if record.L is None else jnp.asarray(float(record.L)),
         wave_power=None if power is None else jnp.asarray(power),
         modes=None if modes is None else jnp.asarray(modes),
+        instrument_sd=jnp.asarray(TRANSDUCER_SD * float(noise.origin == "estimated")),
         steadiness=jnp.asarray(_steadiness(record)) if waves.shape[1] else None,
     )
 
@@ -325,9 +322,6 @@ def _folded(
             estimate=noise.origin == "estimated",
         )
         power[c, present] = found.power
-        if noise.origin == "estimated":
-            shared = np.asarray(noise_power(TRANSDUCER_SD, count[c, present[0]], TRANSDUCER_WHITE))
-            power[c, [s for s in present if SENSORS[s] != "Q"]] += shared
         if folding is None:
             for s, name in zip(present, names, strict=True):
                 power[c, s] += aliased_power(condition.beats[name].mean(axis=0), power[c, s])
@@ -347,6 +341,7 @@ def stacked(records: Sequence[Measured]) -> Measured:
     """
     C, S = records[0].n_conditions, records[0].n_sensors
     blank = {
+        "instrument_sd": np.zeros(()),
         "K": np.zeros(()),
         "L": np.zeros(()),
         "wave_power": np.full((C, S, HARMONICS + 1), np.nan),

@@ -6,14 +6,19 @@ With r_k the coefficients of all sensors of beat k minus their mean, and b the n
 
 plus errors of the folding itself (`FORM_SHARE`, `FORM_SD`) where the beats were folded.
 
-B holds the physiological variations of every sensor from beat to beat: level, pulse, and timing (a
-shift of the whole beat, and relative shifts of its parts by errors of the folding: derivative times
-1, cos, sin). Σ couples the sensors: aortic and distal pressure of one beat rise together. D is
-diagonal, one power a harmonic, equal in both pressures and smooth along the harmonics. Σ and D are
-estimated by expectation-maximisation (Dempster, Laird & Rubin 1977; factor analysis with known
-loadings). A prior Σ₀ with the weight of `USUAL_WEIGHT` beats regularises Σ for few beats:
+B holds the physiological variations of every sensor from beat to beat: level, trend and bend of the
+baseline (breathing), pulse, and timing (a shift of the whole beat, and relative shifts of its parts
+by errors of the folding: derivative times 1, cos, sin). Σ couples the sensors: aortic and distal
+pressure of one beat rise together. D is diagonal, one power a harmonic, equal in both pressures and
+smooth along the harmonics; that of the mean, which cannot be told from the level, is that of the
+first harmonic. Σ and D are estimated by expectation-maximisation (Dempster, Laird & Rubin 1977;
+factor analysis with known loadings). A prior s Σ₀ with the weight of `USUAL_WEIGHT` beats
+regularises Σ for few beats:
 
-    Σ = (Σ_k E[a_k a_kᵀ] + ν₀ Σ₀)/(b − 1 + ν₀ − 2)         (mean of an inverse Wishart distribution)
+    Σ = (Σ_k E[a_k a_kᵀ] + ν₀ s Σ₀)/(b − 1 + ν₀ − 2)       (mean of an inverse Wishart distribution)
+
+A heart paced, or breathing held, has beats far more alike than usual: s is one of `ALIKE`, with
+weights by the likelihood of the beats for Σ = s Σ₀.
 
 An error of the start of ejection adds one column, a common delay of all sensors of a condition. No
 effect delays all sensors, so none can be named for it.
@@ -31,16 +36,20 @@ from lumped.units import MMHG
 USUAL_WEIGHT = 6.0
 """ν₀: weight of the prior covariance [beats]."""
 
+ALIKE = (1.0, 0.1, 0.01, 0.001)
+"""How alike beats may be: factors s on the prior covariance."""
+
 USUAL_LEVEL, USUAL_LEVEL_SHARE = 0.3 * MMHG, 0.01
-"""Prior sd of the level of a beat: of a pressure [dyn/cm²], and of a flow over its mean."""
+"""Prior sd of the level of a beat, and of its rise over the beat: of a pressure [dyn/cm²], and of a
+flow over its mean."""
 
 USUAL_PULSE, USUAL_TIME = 0.005, 0.003
 """Prior sd of the relative pulse of a beat, and of its timing [beats]."""
 
 OWN_SHARE = 0.1
-"""Share of the prior variance of timing that is independent between sensors."""
+"""Share of the prior variance of timing and of breathing that is independent between sensors."""
 
-FORMS = 5
+FORMS = 7
 """Columns of B of each sensor."""
 
 FEWEST_BEATS = 3
@@ -53,8 +62,19 @@ FORM_SD = 0.1 * MMHG
 """Further error of the mean beat of a pressure by folding, as noise of its samples [dyn/cm²];
 assumed."""
 
-SWEEPS = 40
-"""Iterations of expectation-maximisation."""
+SWEEPS, SETTLED = 200, 1e-3
+"""Most iterations of expectation-maximisation, and relative change of the powers that ends it."""
+
+WIDE = 100.0
+"""Factor on the usual covariance from which it starts: from below, the noise of the low harmonics
+takes breathing in, and the iterations hardly leave that."""
+
+LOW = 4
+"""Harmonics that the forms of a beat nearly span, so that the scatter hardly tells their noise. It
+is at least that of the autoregressive noise which those above have."""
+
+MEMORIES = (0.0, 0.005, 0.01, 0.015, 0.022, 0.03, 0.045, 0.065)
+"""Correlation times of that noise [beats]; zero is white."""
 
 WIDTH = 0.25
 """Harmonics on either side over which noise is averaged, one more than this part of their
@@ -75,8 +95,16 @@ def forms(beat: np.ndarray) -> np.ndarray:
         slope,
         slope * np.cos(angle),
         slope * np.sin(angle),
+        *_baseline(),
     ]
     return FROM_SAMPLES @ np.stack(columns, axis=1)
+
+
+def _baseline() -> list[np.ndarray]:
+    """Trend and bend of a baseline within the beat: breathing takes three beats or more."""
+    trend = PHASE - PHASE.mean()
+    bend = 6.0 * (trend**2 - np.mean(trend**2))
+    return [trend, bend]
 
 
 def slope_of(beat: np.ndarray) -> np.ndarray:
@@ -96,13 +124,19 @@ def usual(names: Sequence[str], means: Sequence[float]) -> np.ndarray:
     """
     S = len(names)
     found = np.zeros((S, FORMS, S, FORMS))
-    for s, name in enumerate(names):
-        level = USUAL_LEVEL_SHARE * abs(means[s]) if name == "Q" else USUAL_LEVEL
-        found[s, 0, s, 0] = level**2
-        found[s, 1, s, 1] = USUAL_PULSE**2
-        for form in (2, 3, 4):
-            found[s, form, :, form] = (1.0 - OWN_SHARE) * USUAL_TIME**2
-            found[s, form, s, form] = USUAL_TIME**2
+    level = [
+        USUAL_LEVEL_SHARE * abs(mean) if name == "Q" else USUAL_LEVEL
+        for name, mean in zip(names, means, strict=True)
+    ]
+    alike = np.array([[name != "Q" and other != "Q" for other in names] for name in names])
+    breathing = np.outer(level, level) * np.where(alike, 1.0 - OWN_SHARE, 0.0)
+    np.fill_diagonal(breathing, np.square(level))
+    timing = np.where(np.eye(S, dtype=bool), 1.0, 1.0 - OWN_SHARE) * USUAL_TIME**2
+    for form in range(FORMS):
+        if form == 1:
+            found[:, form, :, form] = np.eye(S) * USUAL_PULSE**2
+        else:
+            found[:, form, :, form] = timing if form in (2, 3, 4) else breathing
     return found.reshape(S * FORMS, S * FORMS)
 
 
@@ -124,14 +158,35 @@ def scatter(
         prior: power of one beat without data, kept harmonics.
     """
     b, n = stacks[0].shape
-    K, S = min((n - 1) // 2, HARMONICS), len(stacks)
-    coefficients = [_coefficients(stack - stack.mean(axis=0), K) for stack in stacks]
-    r = np.concatenate(coefficients, axis=1)
-    freedom = b - 1
-    power, Sigma = prior.copy(), Sigma_0.copy()
-    each = np.r_[0 : K + 1, 1 : K + 1]
-    share = np.r_[1.0, np.full(2 * K, 2.0)]
-    for _ in range(SWEEPS if freedom > 0 else 0):
+    if b < 2:
+        return prior.copy(), Sigma_0.copy()
+    K = min((n - 1) // 2, HARMONICS)
+    r = np.concatenate([_coefficients(stack - stack.mean(axis=0), K) for stack in stacks], axis=1)
+    wide = WIDE * Sigma_0
+    found = [_scatter_about(r, B, s * Sigma_0, wide, prior, len(stacks), n) for s in ALIKE]
+    log_L = np.array([value for _, _, value in found])
+    weight = np.exp(log_L - log_L.max())
+    weight /= weight.sum()
+    return (
+        np.tensordot(weight, np.array([power for power, _, _ in found]), 1),
+        np.tensordot(weight, np.array([Sigma for _, Sigma, _ in found]), 1),
+    )
+
+
+def _scatter_about(
+    r: np.ndarray,
+    B: np.ndarray,
+    Sigma_0: np.ndarray,
+    start: np.ndarray,
+    prior: np.ndarray,
+    S: int,
+    n: int,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Power and Σ of deviations r of the beats, and ln of their likelihood for Σ = Σ₀."""
+    freedom, K = r.shape[0] - 1, prior.size - 1
+    power, Sigma = prior.copy(), start
+    each, share = np.r_[0 : K + 1, 1 : K + 1], np.r_[1.0, np.full(2 * K, 2.0)]
+    for _ in range(SWEEPS):
         D = np.tile(share * power[each], S)
         BD = B / D[:, None]
         covariance = np.linalg.inv(np.linalg.inv(Sigma) + B.T @ BD)
@@ -142,8 +197,38 @@ def scatter(
         square = (rest**2).sum(axis=0) + freedom * np.einsum("df,fg,dg->d", B, covariance, B)
         square = (square / np.tile(share, S)).reshape(S, -1).sum(axis=0)
         total = np.bincount(each, square) / np.bincount(each)
-        power = smoothed(total / (freedom * S))
-    return power, Sigma
+        before = power.copy()
+        power[1:] = smoothed(total[1:] / (freedom * S))
+        power[: LOW + 1] = np.maximum(power, autoregressive(power, n))[: LOW + 1]
+        power[0] = power[1]
+        if np.all(np.abs(power - before) < SETTLED * before):
+            break
+    D = np.tile(share * power[each], S)
+    left = r @ (B / D[:, None])
+    inner = np.linalg.inv(Sigma_0) + B.T @ (B / D[:, None])
+    square = np.sum(r**2 / D) - np.sum(left * np.linalg.solve(inner, left.T).T)
+    volume = np.sum(np.log(D)) + np.linalg.slogdet(inner)[1] + np.linalg.slogdet(Sigma_0)[1]
+    return power, Sigma, float(-0.5 * square - 0.5 * freedom * volume)
+
+
+def autoregressive(power: np.ndarray, n: int) -> np.ndarray:
+    """Power of the autoregressive noise that is likest to the harmonics above `LOW`.
+
+    With its shape h and its size by the mean of power/h, the Whittle likelihood of K harmonics is
+    exp(−Σ ln h − K ln size) but for a constant.
+
+    Args:
+        power: of the harmonics, the mean first.
+        n: samples a beat.
+    """
+    k = np.arange(power.size)
+    rho = np.array([np.exp(-1.0 / (n * time)) if time > 0.0 else 0.0 for time in MEMORIES])[:, None]
+    shape = (1.0 - rho**2) / (1.0 - 2.0 * rho * np.cos(2.0 * np.pi * k / n) + rho**2)
+    upper = slice(min(LOW + 1, power.size - 1), None)
+    size = np.mean(power[upper] / shape[:, upper], axis=1)
+    cost = np.mean(np.log(shape[:, upper]), axis=1) + np.log(size)
+    best = np.argmin(cost)
+    return size[best] * shape[best]
 
 
 class FoldedNoise(NamedTuple):
@@ -199,7 +284,7 @@ def folded_noise(
         if b < FEWEST_BEATS:
             seen = stated
         elif not alone:
-            seen = np.maximum(stated, seen)
+            seen = seen * max(1.0, _variance(stated) / _variance(seen))
         power[s, : K + 1] = seen + (0.0 if name == "Q" or form is None else form[: K + 1])
     wide = np.zeros((S, own[0].shape[0], S, FORMS))
     for s in range(S):
@@ -209,6 +294,11 @@ def folded_noise(
     )
     late = np.stack([FROM_SAMPLES @ slope_of(waves[name]) for name in names]) * start_sd
     return FoldedNoise(power, np.concatenate([columns, late[..., None]], axis=-1))
+
+
+def _variance(power: np.ndarray) -> float:
+    """Variance of samples, of the power of their harmonics."""
+    return float(power[0] + 2.0 * power[1:].sum())
 
 
 def _scales(

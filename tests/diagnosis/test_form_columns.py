@@ -9,14 +9,22 @@ from scipy.linalg import block_diag
 from benchmarks.blind.clocked import Clock
 from benchmarks.foreign import layered
 from benchmarks.foreign.plain import in_batches
-from diagnosis import diagnose, measured
+from diagnosis import diagnose, measured, prediction
 from diagnosis.catalogue import CATALOGUE
 from diagnosis.evidence import Whitened, log_size_factor
 from diagnosis.form_columns import KINDS, Freedom
-from diagnosis.hypothesis import Catalogue, numbers_of, of_kind, uncertain_signals
+from diagnosis.hypothesis import (
+    BED_BYPASS,
+    BED_TRANSMISSION,
+    Catalogue,
+    numbers_of,
+    of_kind,
+    uncertain_signals,
+)
 from diagnosis.measured import Whitener, whitener_of
-from diagnosis.prediction import n_unknowns
-from diagnosis.scan import Linearised, score_scan
+from diagnosis.prediction import BYPASS_SD, TRANSMISSION_SD, n_unknowns
+from diagnosis.record import TRANSDUCER_SD
+from diagnosis.scan import Linearised, linearise, score_scan
 from tests.diagnosis.records import clocked, synthetic
 
 C, G, R, Q, K, M, S = 3, 2, 18, 4, 4, 6, 5
@@ -101,7 +109,8 @@ def test_only_a_bed_of_another_structure_gives_the_base_model_a_freedom():
     x = jnp.zeros(n_unknowns(record) + 2)
     none = jnp.array([-1, -1])
     found = freedoms(record, numbers_of(CATALOGUE), none, x)
-    largest = (np.abs(np.asarray(a)).reshape(2, -1).max(axis=1) for a in (found.own, found.shared))
+    smooth = found.shared[..., :-2]  # the last two are its transmission and bypass
+    largest = (np.abs(np.asarray(a)).reshape(2, -1).max(axis=1) for a in (found.own, smooth))
     (guessed, own_bed), (alike, alike_bed) = largest
     assert guessed == alike == 0.0 < own_bed
     assert alike_bed == pytest.approx(3.0 * own_bed, rel=1e-9)  # nine tenths of the variance
@@ -109,6 +118,34 @@ def test_only_a_bed_of_another_structure_gives_the_base_model_a_freedom():
     assert [float(np.abs(of_kind(found, jnp.asarray(k)).shared).max()) > 0.0 for k in both] == [
         False, False, True,
     ]  # fmt: skip
+
+
+def test_a_bed_of_another_structure_has_more_transmission_and_bypass():
+    """Its columns are derivatives of the data by these unknowns, times what it has beside."""
+    record = measured(synthetic({}, seed=4))
+    k, numbers, none = n_unknowns(record), numbers_of(CATALOGUE), jnp.array([-1, -1])
+    found = freedoms(record, numbers, none, jnp.zeros(k + 2)).shared[1, ..., -2:]
+    linear = linearise(record, CATALOGUE, numbers, jnp.zeros(k + 2), jnp.zeros(len(CATALOGUE)))
+    at = [prediction.SHARED.index("transmission"), prediction.SHARED.index("bypass")]
+    whole, part = (
+        np.array(sd) for sd in ((BED_TRANSMISSION, BED_BYPASS), (TRANSMISSION_SD, BYPASS_SD))
+    )
+    wanted = np.asarray(linear.linear.J)[..., at] * np.sqrt(whole**2 - part**2) / part
+    # the squeeze acts linearly; the bypass is a finite step, bent by a few per cent
+    scale = np.abs(wanted).max(axis=(0, 1))
+    np.testing.assert_allclose(found[..., 0] / scale[0], wanted[..., 0] / scale[0], atol=1e-6)
+    np.testing.assert_allclose(found[..., 1] / scale[1], wanted[..., 1] / scale[1], atol=0.15)
+
+
+def test_instruments_err_alike_in_all_beats_where_equations_are_guessed():
+    record = measured(clocked({}, Clock(97.0, 8, 0.03), seed=7)[0])
+    x, none = jnp.zeros(n_unknowns(record) + 2), jnp.array([-1, -1])
+    found = freedoms(record, numbers_of(CATALOGUE), none, x)
+    weight = np.asarray(found.whitener.weight)[0, :, :162].reshape(4, 2, 81)
+    scale = np.where(weight > 0.0, 1.0 / np.where(weight > 0.0, weight, 1.0), 0.0)
+    variance = np.sum((np.asarray(found.own)[0] * scale[..., None]) ** 2, axis=-1)
+    whole = variance[..., 0] + 0.5 * variance[..., 1:].sum(axis=-1)
+    np.testing.assert_allclose(np.sqrt(whole[:3]), TRANSDUCER_SD, rtol=0.02)
 
 
 def test_a_scan_beside_a_freedom_gives_the_exact_evidence_of_what_it_adds():

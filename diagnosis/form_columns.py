@@ -110,7 +110,7 @@ def form_freedom(
     scalar_power: Float[Array, "c 4"],
     shared_power: Float[Array, "c s n"],
     shared_scalar_power: Float[Array, "c 4"],
-    shared_columns: Float[Array, "c d s"],
+    shared_columns: Float[Array, "c d m"],
 ) -> Freedom:
     """Freedom of guessed equations: smooth random waveforms about where the effects act.
 

@@ -7,7 +7,14 @@ from scipy.special import jv
 from diagnosis import CATALOGUE, Effect, find_effect, measured
 from diagnosis.circuit import FORCED, LAYER_TIME, boundary_layers
 from diagnosis.effects import all_forms
-from diagnosis.prediction import as_waves, base_circuit, condition_settings, observations, predict
+from diagnosis.prediction import (
+    TRANSMISSION_SD,
+    as_waves,
+    base_circuit,
+    condition_settings,
+    observations,
+    predict,
+)
 from diagnosis.resolution import HARMONICS
 from diagnosis.spectra import PHASE
 from lumped import (
@@ -59,7 +66,7 @@ def surrogate(K: float | None = None):
     bed = nominal_coronary(
         C_a=nominal.C_a * jnp.exp(0.4 * OWN[2]),
         C_im=nominal.C_im * jnp.exp(0.4 * OWN[3]),
-        im_factor=1.0 + 0.07 * OWN[5],
+        im_factor=1.0 + TRANSMISSION_SD * OWN[5],
     )
     model = Surrogate(
         R0=circuit.R0,

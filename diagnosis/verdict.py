@@ -19,7 +19,7 @@ difference.
 | verdict | when |
 |---|---|
 | no_gap | P(none) ≥ 0.1: no gap can be demonstrated |
-| named | P(none) < 0.05, effects have an inclusion ≥ 0.8, close the gap, predict no worse |
+| named | effects have an inclusion ≥ 0.9, close the gap, and predict what was left out no worse |
 | unknown | P(unknown) ≥ 0.5, or effects would be named but do not close the gap or predict worse |
 | ambiguous | else: the smallest set of hypotheses with 90 % of the probability |
 
@@ -51,7 +51,7 @@ FORM_ERROR = 0.15
 length. In records of other hands, where the remainder looked like a second effect, it was 5 to 25 %
 as long as the first in most cases (docs/theory/diagnosis.md)."""
 
-NO_GAP, GAP, NAMED, UNKNOWN, COVER = 0.1, 0.05, 0.8, 0.5, 0.9
+NO_GAP, NAMED, UNKNOWN, COVER = 0.1, 0.9, 0.5, 0.9
 """Thresholds of the verdict, see above."""
 
 WORSE = -1.0
@@ -220,7 +220,7 @@ def judge(
         verdict, named = "no_gap", ()
     elif probabilities["unknown"] >= UNKNOWN:
         verdict, named = "unknown", (nearest,)
-    elif sure and probabilities["none"] < GAP:
+    elif sure:
         verdict, named = ("named", sure) if closed else ("unknown", sure)
     else:
         verdict, named = "ambiguous", cover

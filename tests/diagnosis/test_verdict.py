@@ -66,9 +66,9 @@ def test_closure_needs_a_good_fit_or_little_excess():
     [
         (0.12, 0.08, 0.80, "no_gap"),
         (0.12, 0.86, 0.02, "no_gap"),
-        (0.07, 0.90, 0.01, "ambiguous"),
+        (0.07, 0.87, 0.01, "ambiguous"),
+        (0.07, 0.92, 0.00, "named"),
         (0.07, 0.10, 0.80, "unknown"),
-        (0.04, 0.93, 0.01, "named"),
         (0.01, 0.08, 0.90, "unknown"),
         (0.01, 0.95, 0.02, "named"),
         (0.01, 0.70, 0.10, "ambiguous"),

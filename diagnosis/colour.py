@@ -8,8 +8,9 @@ noise of the same variance and the correlation times τ,
     power_k = sd²/n (1 − ρ²)/(1 − 2ρ cos(2πk/n) + ρ²),     ρ = exp(−T/(n τ)),
 
 the mean is taken with weights by their likelihood in the harmonics from `FIRST` on, all traces of
-the record together. An effect that raises these harmonics in all traces makes the noise look
-whiter, and itself a little weaker, but no noise of another colour passes for an effect.
+one sensor together. An effect raises these harmonics, most of all in the distal traces, which then
+look like noise that spares the low ones. So the least of the sensors' means counts from `FIRST` on,
+and the largest below.
 
 Source: autoregressive spectrum, Priestley 1981, Spectral Analysis and Time Series, section 4.12.
 """
@@ -96,7 +97,10 @@ def _coloured(measured: Measured, residual: Float[Array, "c d"]) -> Measured:
     terms = jnp.where(used[None], jnp.log(ratio) - 0.5 * square[None] * ratio, 0.0)
     share = np.full(len(family), (1.0 - DEFAULT_SHARE) / (len(family) - 1))
     share[0] = DEFAULT_SHARE
-    weight = jax.nn.softmax(jnp.sum(terms, axis=(1, 2, 3)) + jnp.asarray(np.log(share)))
-    mixed = jnp.tensordot(weight, jnp.where(jnp.isfinite(powers), powers, 0.0), 1)
+    prior = jnp.asarray(np.log(share))[:, None]
+    weight = jax.nn.softmax(jnp.sum(terms, axis=(1, 3)) + prior, axis=0)
+    mixed = jnp.einsum("fo,fcsk->ocsk", weight, jnp.where(jnp.isfinite(powers), powers, 0.0))
+    upper = jnp.asarray(np.arange(HARMONICS + 1) >= FIRST)
+    mixed = jnp.where(upper, jnp.min(mixed, axis=0), jnp.max(mixed, axis=0))
     mixed = jnp.where(jnp.isfinite(default), mixed, jnp.inf)
     return dataclasses.replace(measured, wave_power=jnp.where(jnp.isnan(known), mixed, known))

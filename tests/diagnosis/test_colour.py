@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 
 from diagnosis import measured, stacked
-from diagnosis.colour import CORRELATION_TIMES, autoregressive_power, coloured, with_power
+from diagnosis.colour import (
+    CORRELATION_TIMES,
+    FIRST,
+    autoregressive_power,
+    coloured,
+    with_power,
+)
 from diagnosis.measured import noise_power, weights
 from diagnosis.resolution import HARMONICS
 from tests.diagnosis.records import synthetic
@@ -68,3 +74,17 @@ def test_default_noise_keeps_its_spectrum():
     sd, n = record.wave_sd[0, 0, 0], record.wave_samples[0, 0, 0]
     default = np.asarray(noise_power(sd, n, record.white_share[0]))
     np.testing.assert_allclose(power[1:30], default[1:30], rtol=0.1)
+
+
+def test_what_an_effect_does_to_one_sensor_is_no_colour():
+    """A residual of the distal traces that falls along the harmonics is that of reddish noise."""
+    record, residual = with_noise(lambda sd, n, T, default: default)
+    count = 2 * HARMONICS + 1
+    k = np.arange(HARMONICS + 1)
+    raised = np.where(k >= FIRST, 1.0 + 2.0 * np.exp(-(k - FIRST) / 8.0), 1.0)
+    residual[:, :, count : 2 * count] *= np.concatenate([raised, raised[1:]])
+    power = np.asarray(coloured(record, jnp.asarray(residual)).wave_power)[0, 0, 0]
+    sd, n = record.wave_sd[0, 0, 0], record.wave_samples[0, 0, 0]
+    default = np.asarray(noise_power(sd, n, record.white_share[0]))
+    assert np.all(power[1:30] > 0.9 * default[1:30])
+    np.testing.assert_allclose(power[FIRST:30], default[FIRST:30], rtol=0.1)

@@ -2,8 +2,9 @@
 
 The scan about the base optimum predicts how much better another form of an effect would do than its
 first one. A form is fitted where that prediction comes near the best effect of the record, or its
-scan near the best one, and either favours it over no effect; the others get the predicted evidence,
-at most that of the first form.
+scan near the best one, and either favours it over no effect; and where its effect leads, whatever
+the scan says: a scan of a strong effect is far off. The others get the predicted evidence, at most
+that of the first form.
 Records without waveforms hardly tell forms apart: there all are predicted.
 
 A fit starts from the base optimum. Where an unknown of the patient has gone far from its prior
@@ -31,6 +32,9 @@ NEAR = 12.0
 LINEAR = 0.2
 """The same as a share of the best scan: of a strong effect a scan, which is linear in the size, is
 off by a part of itself."""
+
+STRONG = 30.0
+"""ln B of the best effect from which all forms of it, and of those near it, are fitted."""
 
 WORTH_FITTING = 0.0
 """ln B by the prediction or the scan below which a further form is not fitted: the record is then
@@ -71,7 +75,7 @@ def single_fits(
     scanned = np.asarray(scan.log_B)
     expected = log_B + scanned - scanned[:, first][:, causes.of]
     further = ~np.isin(np.arange(F), first)[None, :]
-    wanted = further & worth_fitting(expected, scanned)
+    wanted = further & worth_fitting(expected, scanned, log_B)
     if not batch.n_sensors:
         wanted[:] = False
     every = jax.tree.map(lambda leaf: np.asarray(leaf)[row.ravel()], fits)
@@ -102,7 +106,9 @@ def single_fits(
 
 
 def worth_fitting(
-    expected: Float[np.ndarray, "b forms"], scanned: Float[np.ndarray, "b forms"]
+    expected: Float[np.ndarray, "b forms"],
+    scanned: Float[np.ndarray, "b forms"],
+    first: Float[np.ndarray, "b forms"],
 ) -> Bool[np.ndarray, "b forms"]:
     """Which forms may matter.
 
@@ -110,11 +116,14 @@ def worth_fitting(
         expected: ln B of every form as the fit of its effect's first form and the scan predict it.
         scanned: ln B by the scan alone: a first form that is far from what happened tells nothing
             of the others.
+        first: ln B of the first form of each form's effect.
     """
+    lead = first.max(axis=1, keepdims=True)
+    leads = (first > lead - NEAR) & (lead > STRONG)
     best, most = (ln_B.max(axis=1, keepdims=True) for ln_B in (expected, scanned))
     near = expected > np.maximum(best - NEAR, WORTH_FITTING)
     within = np.maximum(NEAR, LINEAR * most)
-    return near | (scanned > np.maximum(most - within, WORTH_FITTING))
+    return leads | near | (scanned > np.maximum(most - within, WORTH_FITTING))
 
 
 def strained(base: Fitted) -> np.ndarray:

@@ -13,7 +13,7 @@ such a difference with probability
     exp(−λ₂² / (2 ε² λ₁²)) = exp(−(ln Z_ab − ln Z_a) / (2 ε² (ln Z_a − ln Z_0))),
 
 by which the probability of the pair goes to the effect alone; likewise that of an unknown effect
-beside it. Effects whose equation is settled (no further form: a constant offset) have no such
+beside it, or beside the pair. Effects whose equation is settled (no further form: a constant offset) have no such
 difference.
 
 | verdict | when |
@@ -138,10 +138,12 @@ def probabilities_of(
         moved = found[pair] * form_difference(gain.get(first, 0.0), gain[pair])
         if moved > 0.0 and first[0] not in settled:
             found[pair], found[first] = found[pair] - moved, found[first] + moved
-    for h in (h for h in parts if len(h) == 1 and h[0] not in settled):
-        together = logsumexp(forcing[h]) - np.log(forcing[h].size) - log_evidence[()]
-        moved = parts[h] * form_difference(gain[h], float(together))
-        parts[h], found[h] = parts[h] - moved, found[h] + moved
+    for h in (h for h in parts if h):
+        first = max(((e,) for e in h), key=lambda e: gain.get(e, -np.inf))
+        if first in gain and first[0] not in settled:
+            together = logsumexp(forcing[h]) - np.log(forcing[h].size) - log_evidence[()]
+            moved = parts[h] * form_difference(gain[first], float(together))
+            parts[h], found[first] = parts[h] - moved, found[first] + moved
     return {**{key_of(h): p for h, p in found.items()}, "unknown": sum(parts.values())}, parts
 
 

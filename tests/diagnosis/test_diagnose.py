@@ -90,7 +90,11 @@ def test_a_form_is_fitted_where_prediction_or_scan_come_near_the_best():
         [[20.0, 1.0, 5.0, 9.0], [2700.0, 2650.0, 2000.0, 60.0], [-2.0, 0.4, 1.2, -0.1]]
     )
     wanted = [[True, True, False, True], [True, True, False, False], [False, True, True, False]]
-    np.testing.assert_array_equal(worth_fitting(expected, scanned), wanted)
+    np.testing.assert_array_equal(worth_fitting(expected, scanned, np.zeros((3, 4))), wanted)
+    # where its effect leads by far, or comes near, whatever the scan says
+    first = np.array([[0.0] * 4, [3000.0, 3000.0, 2990.0, 2900.0], [20.0] * 4])
+    wanted[1] = [True, True, True, False]
+    np.testing.assert_array_equal(worth_fitting(expected, scanned, first), wanted)
 
 
 @pytest.mark.slow

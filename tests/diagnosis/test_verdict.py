@@ -49,6 +49,12 @@ def test_a_remainder_as_small_as_a_difference_of_forms_is_no_second_effect():
     assert sum(p.values()) == pytest.approx(1.0, rel=1e-12)
     # an effect whose equation is settled has no other form
     assert pair(800.0, 800.0 + rest, settled=("a",))["b+a"] == pytest.approx(alone, rel=1e-9)
+    # nor is something unknown beside the two
+    log_Z = {(): 0.0, ("a",): 800.0, ("b",): 1.0, ("b", "a"): 800.0}
+    forced = {(): np.zeros(1), ("b", "a"): np.full(3, 800.0 + rest)}
+    parts = probabilities_of(log_Z, forced, 2)[1]
+    whole = probabilities_of(log_Z, forced, 2, ("a",))[1]
+    assert parts["b", "a"] == pytest.approx(whole["b", "a"] * (1.0 - np.exp(-0.5)), rel=1e-9)
     # a remainder half as long as the first is a second effect
     assert pair(80.0, 100.0)["b+a"] > 0.99
     # where no effect acts alone, there is nothing to which a remainder could belong

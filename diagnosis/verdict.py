@@ -13,8 +13,8 @@ such a difference with probability
     exp(−λ₂² / (2 ε² λ₁²)) = exp(−(ln Z_ab − ln Z_a) / (2 ε² (ln Z_a − ln Z_0))),
 
 by which the probability of the pair goes to the effect alone; likewise that of an unknown effect
-beside it, or beside the pair. Effects whose equation is settled (no further form: a constant offset) have no such
-difference.
+beside it, or beside the pair. Effects whose equation is settled (no further form: a constant
+offset) have no such difference.
 
 | verdict | when |
 |---|---|

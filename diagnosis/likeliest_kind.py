@@ -10,6 +10,10 @@ from jaxtyping import Array, Float, Int
 from diagnosis.evidence import Posterior, Whitened, log_prior_of_sizes, posterior
 from diagnosis.form_columns import KINDS, Freedom
 
+SETTLED = 10.0
+"""Fall of the squares |r|² + |x|² that the linear model may promise beyond a point: a one-sided size
+stays at zero, and models are curved."""
+
 
 class LikeliestKind(NamedTuple):
     """A hypothesis with the likeliest kind of equations.
@@ -42,7 +46,8 @@ def likeliest_kind(
 
     Guessed equations alone would count against a strong effect: the volume of their freedom grows
     with it, though the record shows that the form fits. Exact ones alone would count a bed of
-    another structure as an effect.
+    another structure as an effect. Where a fit has not settled, the linear model promises squares
+    that no point has: those of the point itself count.
 
     Args:
         points: the optimum of exact equations, then posterior means of guessed ones.
@@ -54,8 +59,10 @@ def likeliest_kind(
     residuals = jax.vmap(lambda x, linear: linear.e - linear.J @ x)(points, linears)
     squares = jnp.sum(points**2, axis=1)
 
-    def evidence(after: Posterior) -> Array:
+    def evidence(at: Array, after: Posterior, misfit: Array) -> Array:
         log_Z = after.log_evidence + log_prior_of_sizes(after, pair, sided)
+        promised = misfit + squares[at] - after.misfit - jnp.sum(after.mean**2)
+        log_Z = log_Z - 0.5 * jnp.maximum(promised - SETTLED, 0.0)
         return jnp.where(jnp.isfinite(log_Z), log_Z, -jnp.inf)
 
     def about(at: Array | int) -> Whitened:
@@ -70,7 +77,7 @@ def likeliest_kind(
     ats, afters, misfits = jax.tree.map(
         lambda one, more: jnp.concatenate([one[None], more]), exact, jax.lax.map(guessed, freedoms)
     )
-    log_Z = jax.vmap(evidence)(afters)
+    log_Z = jax.vmap(evidence)(ats, afters, misfits)
     best = jnp.argmax(log_Z)
     at, after, misfit = jax.tree.map(lambda a: a[best], (ats, afters, misfits))
     total = logsumexp(log_Z)

@@ -11,8 +11,8 @@ from diagnosis.evidence import Posterior, Whitened, log_prior_of_sizes, posterio
 from diagnosis.form_columns import KINDS, Freedom
 
 SETTLED = 10.0
-"""Fall of the squares |r|² + |x|² that the linear model may promise beyond a point: a one-sided size
-stays at zero, and models are curved."""
+"""Fall of the squares |r|² + |x|² that a linear model may promise beyond its point: a one-sided
+size stays at zero, and models are curved."""
 
 
 class LikeliestKind(NamedTuple):

@@ -25,6 +25,10 @@ FEWEST_SAMPLES = 16
 WHOLE_BEATS = 0.1
 """Difference between the file's length and whole beats up to which it is cut by index [steps]."""
 
+EQUAL_BEATS = 0.004
+"""Scatter of the upstrokes about equal beats up to which a file of whole beats is cut by index
+[beats]: noise moves found upstrokes by so much, and hearts that vary do so by 0.01 and more."""
+
 UNEVENNESS = 0.2
 """Shift of a sample up to which times count as uniform [steps]: rounded clock times pass."""
 
@@ -188,7 +192,7 @@ def _by_index(t: np.ndarray, traces: dict[str, np.ndarray], period: float) -> Fo
         found = find_upstrokes(t, traces["P_aorta"], period)
         if found.at.size == count:
             late = found.at - period * np.arange(count)
-            if late.std() > max(3.0 * found.sd, 0.3 * dt):
+            if late.std() > max(3.0 * found.sd, 0.3 * dt, EQUAL_BEATS * period):
                 return None
     return Folded({name: wave.reshape(count, n) for name, wave in traces.items()}, period, None)
 

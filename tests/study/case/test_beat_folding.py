@@ -62,6 +62,17 @@ def test_equal_beats_that_sampling_divides_are_cut_by_index(tmp_path):
     assert np.array_equal(found.beats["P_aorta"], given)
 
 
+@pytest.mark.parametrize("seed", [7, 11, 16])
+def test_noise_that_moves_upstrokes_leaves_equal_beats_equal(tmp_path, seed):
+    """Noise with a memory moves a found upstroke by more than white noise would."""
+    clock = Clock(256.0 / PERIOD, 6, 0.0, memory=0.02)
+    t, traces = recorded(clock, seed=seed)
+    traces = {name: wave[: 5 * 256] for name, wave in traces.items()}
+    found, faults = read(write(tmp_path / "rest.csv", t[: 5 * 256], traces))
+    assert not faults
+    assert found.folding is None
+
+
 def test_unequal_beats_with_a_whole_number_of_samples_in_all_are_not_cut_by_index(tmp_path):
     t, traces = recorded(Clock(64.0 / PERIOD, 8, 0.04), seed=3, sd=0.2)
     found, faults = read(write(tmp_path / "rest.csv", t[: 8 * 64], {

@@ -22,6 +22,7 @@ from diagnosis.hypothesis import (
     FITTED,
     Catalogue,
     effect_sizes,
+    guessed_widths,
     of_kind,
     one_sided_unknowns,
     places_of,
@@ -29,7 +30,7 @@ from diagnosis.hypothesis import (
     uncertain_signals,
     whitened_by_condition,
 )
-from diagnosis.likeliest_kind import likeliest_kind
+from diagnosis.likeliest_kind import in_units_of, likeliest_kind
 from diagnosis.measured import Measured, data_of, whitener_of
 from diagnosis.prediction import (
     as_waves,
@@ -137,6 +138,7 @@ def fit_about(
     model = _whitened_model(measured, effects, numbers, pair, fixed_size, nonlinear=nonlinear)
     observed = W(data_of(measured))
     sided = one_sided_unknowns(measured, numbers, pair)
+    width = jnp.asarray(guessed_widths(k + 2))
 
     def about(x: Array) -> tuple[Array, Whitened, SensorSpectra]:
         """The model linearised at x, and its signals."""
@@ -150,8 +152,9 @@ def fit_about(
         uncertain = uncertain_signals(
             measured, effects, numbers, pair, x, fixed_size, nonlinear=nonlinear
         )
-        freedoms = uncertain.freedoms(W)
-        return of_kind(freedoms, kind).posterior(linear, sided).mean, freedoms
+        freedoms = uncertain.freedoms(W, with_bed=False)
+        after = of_kind(freedoms, kind).posterior(in_units_of(width, linear), sided)
+        return width * after.mean, freedoms
 
     def refined(x: Array, kind: Array) -> tuple[Array, tuple]:
         inside, linear, seen = about(x)
@@ -166,7 +169,7 @@ def fit_about(
     # loop compiles in half the time of three calls
     _, (points, linears, freedoms, signals) = jax.lax.scan(refined, optimum, jnp.asarray(_REFINED))
     freedoms = jax.tree.map(lambda a: a[1], freedoms)
-    found = likeliest_kind(points, linears, freedoms, pair, sided)
+    found = likeliest_kind(points, linears, freedoms, width, pair, sided)
     x = points[found.at]
     waves = jax.vmap(as_waves)(jax.tree.map(lambda a: a[found.at], signals))
     sd = jnp.sqrt(jnp.diagonal(found.after.covariance)[k:])

@@ -40,9 +40,9 @@ whose pressures, compliances and volumes differ, and the base model has one; ass
 BED_ALIKE = 0.9
 """Correlation of this error between conditions; assumed."""
 
-BED_TRANSMISSION, BED_BYPASS = 0.07, 0.15
+GUESSED_TRANSMISSION, GUESSED_BYPASS = 0.07, 0.15
 """Standard deviations of the ratio of intramyocardial to ventricular pressure and of the bypass,
-see `prediction`, in a bed of another structure; assumed (the pressure falls from the endocardium to
+see `prediction`, where equations are guessed; assumed (the pressure falls from the endocardium to
 nearly zero at the epicardium: Hoffman & Spaan 1990, Physiol Rev 70:331)."""
 
 BOTH = np.ones(2)
@@ -134,7 +134,7 @@ class UncertainSignals(NamedTuple):
             share between beats, and by a bed of another structure.
         scalar_power: variance of the last four data.
         bed: change of the data by one standard deviation of the transmission, and of the bypass,
-            that a bed of another structure has beside the base model's.
+            that guessed equations have beside exact ones.
         n_sensors: number of sensors with a waveform.
     """
 
@@ -143,8 +143,14 @@ class UncertainSignals(NamedTuple):
     bed: Float[Array, "c d 2"]
     n_sensors: int
 
-    def freedoms(self, W: Whitener) -> Freedom:
-        """Freedom of both kinds of guessed equations, whitened, along a leading axis."""
+    def freedoms(self, W: Whitener, *, with_bed: bool = True) -> Freedom:
+        """Freedom of both kinds of guessed equations, whitened, along a leading axis.
+
+        Args:
+            W: whitener of the record.
+            with_bed: whether it holds the further transmission and bypass; not where these
+                unknowns themselves are as wide as `guessed_widths`.
+        """
         n = self.n_sensors
         form, bed = self.power[:, :, :n]
         form_scalars, bed_scalars = self.scalar_power
@@ -153,10 +159,21 @@ class UncertainSignals(NamedTuple):
             own, alike = other_bed * (1.0 - BED_ALIKE), other_bed * BED_ALIKE
             return form_freedom(
                 W, form + own * bed, form_scalars + own * bed_scalars,
-                alike * bed, alike * bed_scalars, other_bed * self.bed,
+                alike * bed, alike * bed_scalars, float(with_bed) * self.bed,
             )  # fmt: skip
 
         return jax.lax.map(kind, jnp.asarray([0.0, 1.0]))
+
+
+def guessed_widths(n_unknowns: int) -> Float[np.ndarray, " k"]:
+    """Prior standard deviations of a hypothesis's unknowns where equations are guessed.
+
+    They are in units of those where they are exact: one, but for transmission and bypass.
+    """
+    widths = np.ones(n_unknowns)
+    widths[_TRANSMISSION] = GUESSED_TRANSMISSION / TRANSMISSION_SD
+    widths[_BYPASS] = GUESSED_BYPASS / BYPASS_SD
+    return widths
 
 
 def of_kind(freedoms: Freedom, kind: Int[Array, ""]) -> Freedom:
@@ -212,7 +229,7 @@ def uncertain_signals(
 
     # with both effects, without the first, without the second; with both, without the squeeze;
     # with both and more bypass
-    more = _beside(BED_BYPASS, BYPASS_SD)
+    more = _beside(GUESSED_BYPASS, BYPASS_SD)
     shares = jnp.asarray(np.array([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0]]))
     squeezes = jnp.asarray(np.array([1.0, 1.0, 1.0, 0.0, 1.0]))
     bypasses = jnp.asarray(np.array([0.0, 0.0, 0.0, 0.0, more / BYPASS_SD]))
@@ -223,7 +240,7 @@ def uncertain_signals(
         form = jnp.einsum("s,sc...->c...", tolerances**2, change[:2] ** 2)
         return jnp.stack([form, BED_FORM**2 * change[2] ** 2])
 
-    squeezed = _beside(BED_TRANSMISSION, TRANSMISSION_SD) * (data[0] - data[3])
+    squeezed = _beside(GUESSED_TRANSMISSION, TRANSMISSION_SD) * (data[0] - data[3])
     bed = jnp.stack([squeezed, data[4] - data[0]], axis=-1)
     own_power = power(waves)
     if measured.instrument_sd is not None:

@@ -45,12 +45,12 @@ COMPLIANCE_SD_LOG = 0.4
 """Standard deviation of the logarithms of C_a, C_im and C0."""
 
 TRANSMISSION_SD = 0.02
-"""Standard deviation of the ratio of intramyocardial to ventricular pressure in the base model's
-bed; assumed. A bed of another structure has more, see `hypothesis.BED_TRANSMISSION`."""
+"""Standard deviation of the ratio of intramyocardial to ventricular pressure where equations are
+exact; assumed. Guessed ones have more, see `hypothesis.GUESSED_TRANSMISSION`."""
 
 BYPASS_SD = 0.04
-"""Standard deviation of the bypass conductance relative to 1/(R_2 + R_3) in the base model's bed;
-assumed. A bed of another structure has more, see `hypothesis.BED_BYPASS`."""
+"""Standard deviation of the bypass conductance relative to 1/(R_2 + R_3) where equations are exact;
+assumed. Guessed ones have more, see `hypothesis.GUESSED_BYPASS`."""
 
 SQUEEZE_SD = 0.05
 """Standard deviation of the delay of the ventricular pressure where the aortic waveform is not the

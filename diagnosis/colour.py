@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 
 from diagnosis.measured import Measured, noise_power
 from diagnosis.resolution import HARMONICS
+from diagnosis.spectra import autoregressive_shape
 
 CORRELATION_TIMES = (0.0, 0.003, 0.006, 0.01, 0.015, 0.022, 0.032)
 """Correlation times τ of autoregressive noise [s]; zero is white."""
@@ -42,8 +43,7 @@ def autoregressive_power(
     """Variance of the harmonics over 2 of autoregressive noise, infinite where not measured."""
     k = jnp.arange(HARMONICS + 1).astype(float)
     rho = jnp.exp(-period / (n * time)) if time > 0.0 else jnp.zeros(())
-    power = sd**2 / n * (1.0 - rho**2)
-    power = power / (1.0 - 2.0 * rho * jnp.cos(2.0 * jnp.pi * k / n) + rho**2)
+    power = sd**2 / n * autoregressive_shape(rho, jnp.cos(2.0 * jnp.pi * k / n))
     return jnp.where(k < 0.5 * n, power, jnp.inf)
 
 

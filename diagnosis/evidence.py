@@ -6,9 +6,10 @@ e = W (y − f(x)) + J x and columns F of a further Gaussian uncertainty,
     e ~ N(0, I + F Fᵀ + J Jᵀ),      ln Z = −½ eᵀ C⁻¹ e − ½ ln|C|     (+ ln 2Φ(m/s) if one-sided),
 
 m and s being posterior mean and sd of the size. F is block diagonal over conditions, but for
-columns whose coefficients conditions share. Three kinds:
+columns whose coefficients conditions share. Four kinds:
 
 * form tolerance of an effect, F = W ρ diag(|Δf|) B, |Δf| its local change of the prediction;
+* an error of the instruments that all beats share, the same with a constant in place of ρ |Δf|;
 * a bed of another structure, the same with the change |Δf| by the muscle's squeeze; nine tenths of
   its variance have coefficients that all conditions share;
 * a free smooth forcing at a place of the circuit, F = W a (∂f/∂forcing) B: "not in the catalogue".

@@ -28,8 +28,9 @@ FORM_SHIFT = 0.06
 """Uncertainty of the time at which an effect acts [beats]."""
 
 KINDS = ("exact", "guessed", "guessed, in a bed of another structure")
-"""What the equations of a hypothesis may be, each as likely: the base model's bed and the form of
-the effects; a guessed form in that bed; a guessed form in a bed whose structure is guessed too."""
+"""What the equations of a hypothesis may be, each as likely: the base model's bed, the form of the
+effects and the instruments as they are modelled; all of these guessed; and the structure of the bed
+guessed too."""
 
 
 class Freedom(NamedTuple):

@@ -159,7 +159,7 @@ class UncertainSignals(NamedTuple):
             own, alike = other_bed * (1.0 - BED_ALIKE), other_bed * BED_ALIKE
             return form_freedom(
                 W, form + own * bed, form_scalars + own * bed_scalars,
-                alike * bed, alike * bed_scalars, float(with_bed) * self.bed,
+                alike * bed, alike * bed_scalars, self.bed if with_bed else self.bed[..., :0],
             )  # fmt: skip
 
         return jax.lax.map(kind, jnp.asarray([0.0, 1.0]))

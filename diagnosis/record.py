@@ -7,11 +7,10 @@ the beats minus their mean and minus the mean of each beat,
     sd² = Σ d²/((b − 1)(n − 1)),    1 − w = (lag-one autocovariance of d)/(sd² k(1/n)).
 
 The mean beat has sd/√b. `TRANSDUCER_SD`, which no scatter shows, is part of guessed equations (see
-`hypothesis`). The slow offset is
-the scatter of the beats' means, at least `OFFSET_SD`: a constant offset does not show in the
-scatter. From several beats, `scatter` estimates the power of every harmonic, and the variations
-common to sensors and harmonics: a stated sd says how large the noise is, not how it spreads over
-the harmonics.
+`hypothesis`). The slow offset is the scatter of the beats' means, at least `OFFSET_SD`: a constant
+offset does not show in the scatter. From several beats, `scatter` estimates the power of every
+harmonic, and the variations common to sensors and harmonics: a stated sd says how large the noise
+is, not how it spreads over the harmonics.
 """
 
 import dataclasses
@@ -45,9 +44,8 @@ beats to estimate it from."""
 TRANSDUCER_SD = 0.2 * MMHG
 """Error of a pressure that every beat shares, so that its scatter does not show [dyn/cm²]: what
 nonlinearity, hysteresis and the response of the line leave of the error band of ±1 mmHg and ±1 %
-of ANSI/AAMI BP22 beside offset and gain; its share is assumed. On sixty records of another hand,
-by which it was chosen (as 0.3 mmHg, half of it white), the named effects are right in 19 of 23 with
-it and in 12 of 20 without; on 32 that nobody had seen in 7 of 13 and 6 of 14."""
+of ANSI/AAMI BP22 beside offset and gain; its share is assumed. It follows the pressure: smooth over
+the beat, since white noise of that size would hide a notch."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from diagnosis.resolution import HARMONICS, SAMPLES
-from diagnosis.spectra import FROM_SAMPLES, PHASE, TO_SAMPLES
+from diagnosis.spectra import FROM_SAMPLES, PHASE, TO_SAMPLES, autoregressive_shape
 from lumped.units import MMHG
 
 USUAL_WEIGHT = 6.0
@@ -162,8 +162,8 @@ def scatter(
         return prior.copy(), Sigma_0.copy()
     K = min((n - 1) // 2, HARMONICS)
     r = np.concatenate([_coefficients(stack - stack.mean(axis=0), K) for stack in stacks], axis=1)
-    wide = WIDE * Sigma_0
-    found = [_scatter_about(r, B, s * Sigma_0, wide, prior, len(stacks), n) for s in ALIKE]
+    begun, reds = (prior, WIDE * Sigma_0), red_spectra(K, n)
+    found = [_scatter_about(r, B, s * Sigma_0, begun, reds, len(stacks)) for s in ALIKE]
     log_L = np.array([value for _, _, value in found])
     weight = np.exp(log_L - log_L.max())
     weight /= weight.sum()
@@ -177,14 +177,13 @@ def _scatter_about(
     r: np.ndarray,
     B: np.ndarray,
     Sigma_0: np.ndarray,
-    start: np.ndarray,
-    prior: np.ndarray,
+    begun: tuple[np.ndarray, np.ndarray],
+    reds: np.ndarray,
     S: int,
-    n: int,
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Power and Σ of deviations r of the beats, and ln of their likelihood for Σ = Σ₀."""
-    freedom, K = r.shape[0] - 1, prior.size - 1
-    power, Sigma = prior.copy(), start
+    power, Sigma = begun[0].copy(), begun[1]
+    freedom, K = r.shape[0] - 1, power.size - 1
     each, share = np.r_[0 : K + 1, 1 : K + 1], np.r_[1.0, np.full(2 * K, 2.0)]
     for _ in range(SWEEPS):
         D = np.tile(share * power[each], S)
@@ -194,12 +193,12 @@ def _scatter_about(
         second = a.T @ a + freedom * covariance
         Sigma = (second + USUAL_WEIGHT * Sigma_0) / (freedom + USUAL_WEIGHT - 2.0)
         rest = r - a @ B.T
-        square = (rest**2).sum(axis=0) + freedom * np.einsum("df,fg,dg->d", B, covariance, B)
+        square = (rest**2).sum(axis=0) + freedom * np.sum(B @ covariance * B, axis=1)
         square = (square / np.tile(share, S)).reshape(S, -1).sum(axis=0)
         total = np.bincount(each, square) / np.bincount(each)
         before = power.copy()
         power[1:] = smoothed(total[1:] / (freedom * S))
-        power[: LOW + 1] = np.maximum(power, autoregressive(power, n))[: LOW + 1]
+        power[: LOW + 1] = np.maximum(power, likest(reds, power))[: LOW + 1]
         power[0] = power[1]
         if np.all(np.abs(power - before) < SETTLED * before):
             break
@@ -211,24 +210,27 @@ def _scatter_about(
     return power, Sigma, float(-0.5 * square - 0.5 * freedom * volume)
 
 
-def autoregressive(power: np.ndarray, n: int) -> np.ndarray:
-    """Power of the autoregressive noise that is likest to the harmonics above `LOW`.
-
-    With its shape h and its size by the mean of power/h, the Whittle likelihood of K harmonics is
-    exp(−Σ ln h − K ln size) but for a constant.
+def red_spectra(K: int, n: int) -> np.ndarray:
+    """Spectra of autoregressive noise of all `MEMORIES`: memories × harmonics 0 to K.
 
     Args:
-        power: of the harmonics, the mean first.
+        K: harmonics, besides the mean.
         n: samples a beat.
     """
-    k = np.arange(power.size)
-    rho = np.array([np.exp(-1.0 / (n * time)) if time > 0.0 else 0.0 for time in MEMORIES])[:, None]
-    shape = (1.0 - rho**2) / (1.0 - 2.0 * rho * np.cos(2.0 * np.pi * k / n) + rho**2)
+    rho = np.array([np.exp(-1.0 / (n * time)) if time > 0.0 else 0.0 for time in MEMORIES])
+    return autoregressive_shape(rho[:, None], np.cos(2.0 * np.pi * np.arange(K + 1) / n))
+
+
+def likest(spectra: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """The spectrum that is likest to the power of the harmonics above `LOW`, with its size.
+
+    With a spectrum h and its size by the mean of power/h, the Whittle likelihood of K harmonics is
+    exp(−Σ ln h − K ln size) but for a constant.
+    """
     upper = slice(min(LOW + 1, power.size - 1), None)
-    size = np.mean(power[upper] / shape[:, upper], axis=1)
-    cost = np.mean(np.log(shape[:, upper]), axis=1) + np.log(size)
-    best = np.argmin(cost)
-    return size[best] * shape[best]
+    size = np.mean(power[upper] / spectra[:, upper], axis=1)
+    best = np.argmin(np.mean(np.log(spectra[:, upper]), axis=1) + np.log(size))
+    return size[best] * spectra[best]
 
 
 class FoldedNoise(NamedTuple):

@@ -5,6 +5,8 @@ x(t) = X_0 + Σ Re X_k cos(ω_k t) − Im X_k sin(ω_k t). `HARMONICS` of them a
 indistinguishable from the noise of a sensor.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,6 +30,16 @@ def _tables() -> tuple[np.ndarray, np.ndarray]:
 
 
 TO_SAMPLES, FROM_SAMPLES = _tables()
+
+
+def autoregressive_shape(rho: Any, cosine: Any) -> Any:
+    """Spectrum of autoregressive noise of first order over that of white noise of its variance.
+
+    Args:
+        rho: correlation of neighbouring samples.
+        cosine: of the angle of a harmonic between two samples.
+    """
+    return (1.0 - rho**2) / (1.0 - 2.0 * rho * cosine + rho**2)
 
 
 def harmonics(wave: Float[Array, "*b n"]) -> Complex[Array, "*b f"]:

@@ -72,7 +72,7 @@ def test_a_wider_unknown_is_one_with_a_column_of_freedom_beside_it(given):
     at = np.flatnonzero(width > 1.0)
     assert at.size == 2
     beside = linear.J[..., at] * np.sqrt(width[at] ** 2 - 1.0)[None, None]
-    with_bed = freedom._replace(shared=jnp.concatenate([freedom.shared[..., :-2], beside], axis=-1))
+    with_bed = freedom._replace(shared=jnp.concatenate([freedom.shared, beside], axis=-1))
     wide = freedom.posterior(in_units_of(jnp.asarray(width), linear), sided)
     column = with_bed.posterior(linear, sided)
     assert float(wide.log_evidence) == pytest.approx(float(column.log_evidence), rel=1e-9)

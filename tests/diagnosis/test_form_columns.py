@@ -169,7 +169,9 @@ _ALARM = pytest.mark.xfail(reason="a third of such beds are an alarm: 3 of 9", s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [pytest.param(18, marks=_ALARM), 26, pytest.param(53, marks=_ALARM)])
+@pytest.mark.parametrize(
+    "number", [pytest.param(18, marks=_ALARM), 26, pytest.param(53, marks=_ALARM)]
+)
 def test_a_bed_of_three_layers_is_no_gap(number, tmp_path):
     record = layered.draw(70, number)
     assert record.truth["truth"] == "none"
